@@ -1,0 +1,1 @@
+"""The physics: radiative transfer in layered media. Knows arrays, knows no paint."""
