@@ -1,0 +1,203 @@
+"""Wavelength grids in nm, and checks and resampling of spectra that live on them."""
+
+from collections.abc import Sequence
+from typing import Any, TypeAlias
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jax.typing import ArrayLike
+from jaxtyping import Array, Bool, Float, Num
+
+# What callers may pass: arrays of either kind, numbers, or lists of them.
+Grid: TypeAlias = Num[ArrayLike, "bands"] | Sequence[Any]
+Spectra: TypeAlias = Num[ArrayLike, "*batch bands"] | Sequence[Any]
+Numbers: TypeAlias = Num[ArrayLike, "..."] | Sequence[Any]
+
+DEFAULT_WAVELENGTHS: Float[np.ndarray, "41"] = np.arange(380.0, 781.0, 10.0)
+DEFAULT_WAVELENGTHS.setflags(write=False)
+
+# White paper under an ultraviolet-rich lamp and highlights on a calibrated camera both exceed 1.
+MAX_FRACTION = 1.7
+# A whole spectrum below 2 % is darker than any smooth varnished paint, whose surface alone gives 4 %.
+MIN_PERCENT = 2.0
+
+
+def as_array(values: Numbers) -> Array | np.ndarray:
+    """Values as they are if an array, else as a NumPy array, or as a JAX one if JAX traces a part of them."""
+    if isinstance(values, jax.Array | np.ndarray):
+        return values
+    traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(values))
+    return jnp.asarray(values) if traced else np.asarray(values)
+
+
+def concrete(values: Numbers) -> np.ndarray | None:
+    """Values as a NumPy array, or None while JAX traces them and they have no value yet."""
+    array = as_array(values)
+    return None if isinstance(array, Tracer) else np.asarray(array)
+
+
+def as_float_array(values: Numbers) -> Float[Array, "..."]:
+    """Values as a JAX floating-point array; integers become the default float type."""
+    array = jnp.asarray(as_array(values))
+    return array if jnp.issubdtype(array.dtype, jnp.floating) else array.astype(jnp.result_type(float))
+
+
+def validate_wavelengths(wavelengths: Grid) -> Float[np.ndarray, "bands"]:
+    """Check a wavelength grid and return it as a read-only float64 array.
+
+    Args:
+        wavelengths: (bands,), nm, strictly ascending, finite, positive. They must be concrete: the grid
+            of a spectrum is part of a program, not of its data.
+
+    Raises:
+        ValueError: the grid is traced, empty, not one-dimensional, or holds a wrong value (which is named).
+    """
+    grid = concrete(wavelengths)
+    if grid is None:
+        raise ValueError(
+            "wavelengths must be known when a function is traced: close over them, or pass NumPy"
+        )
+    try:
+        grid = np.array(grid, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ValueError("wavelengths must be numbers, in nm") from None
+    if grid.ndim != 1 or grid.size == 0:
+        raise ValueError(f"wavelengths must be a non-empty one-dimensional array, not of shape {grid.shape}")
+    wrong = np.flatnonzero(~np.isfinite(grid) | (grid <= 0))
+    if wrong.size:
+        i = int(wrong[0])
+        raise ValueError(f"wavelengths must be finite and positive: number {i + 1} is {grid[i]:g} nm")
+    falls = np.flatnonzero(np.diff(grid) <= 0)
+    if falls.size:
+        i = int(falls[0]) + 1
+        raise ValueError(
+            f"wavelengths must ascend: number {i + 1} is {grid[i]:g} nm after {grid[i - 1]:g} nm; sort them"
+        )
+    if grid[-1] < 10:
+        raise ValueError(
+            f"wavelengths are in nm, and {grid[-1]:g} looks like micrometres: multiply them by 1000"
+        )
+    grid.setflags(write=False)
+    return grid
+
+
+def describe_grid(wavelengths: Float[np.ndarray, "bands"]) -> str:
+    """Grid in a few words, such as ``380-780 nm step 10 (41 bands)``."""
+    steps = np.diff(wavelengths)
+    even = steps.size > 0 and np.allclose(steps, steps[0])
+    step = f" step {steps[0]:g}" if even else " uneven" if steps.size else ""
+    bands = "1 band" if wavelengths.size == 1 else f"{wavelengths.size} bands"
+    return f"{wavelengths[0]:g}-{wavelengths[-1]:g} nm{step} ({bands})"
+
+
+def same_grid(first: Float[np.ndarray, "bands"], second: Float[np.ndarray, "others"]) -> bool:
+    """Whether two grids agree to a millionth of a nanometre."""
+    return first.shape == second.shape and bool(np.allclose(first, second, rtol=0, atol=1e-6))
+
+
+def as_fraction(
+    reflectance: Spectra, names: Sequence[str] | None = None
+) -> tuple[Float[np.ndarray, "*rows bands"], str | None]:
+    """Check measured reflectance and express it as a fraction.
+
+    A spectrum that anywhere exceeds 2 is in percent. Fractions may overshoot 1 up to 1.7, which
+    fluorescence and calibration do. All spectra of one call must be in the same unit.
+
+    Args:
+        reflectance: (bands,) or (rows, bands), fraction or percent.
+        names: one name a row, for the errors; rows are numbered from 1 if left out.
+
+    Returns:
+        Reflectance as a fraction, the same shape, and a sentence that says what was changed (or None).
+
+    Raises:
+        ValueError: a value is NaN, infinite, negative or too large, or units are mixed; the row is named.
+    """
+    values = np.array(reflectance, dtype=np.float64)
+    if values.ndim not in (1, 2) or values.size == 0:
+        raise ValueError(f"reflectance must be of shape (bands,) or (rows, bands), not {values.shape}")
+    rows = np.atleast_2d(values)
+    if names is None:
+        names = [f"row {i + 1}" for i in range(len(rows))]
+    elif len(names) != len(rows):
+        raise ValueError(f"{len(names)} names were given for {len(rows)} rows of reflectance")
+    for complaint, wrong in (("not finite", ~np.isfinite(rows)), ("negative", rows < 0)):
+        if wrong.any():
+            i, j = (int(k) for k in np.argwhere(wrong)[0])
+            raise ValueError(f"reflectance of {names[i]} is {complaint} at band {j + 1}: {rows[i, j]:g}")
+    peaks = rows.max(axis=1)
+    percent = peaks > MIN_PERCENT
+    fractions = peaks <= MAX_FRACTION
+    if percent.any() and fractions.any():
+        raise ValueError(
+            f"percent and fraction are mixed: {_listed(names, percent)} in percent (maximum above "
+            f"{MIN_PERCENT:g}), {_listed(names, fractions)} in fractions; bring all to one unit"
+        )
+    scale = 100.0 if percent.any() else 1.0
+    largest = int(peaks.argmax())
+    if peaks[largest] > MAX_FRACTION * scale:
+        raise ValueError(
+            f"reflectance of {names[largest]} reaches {peaks[largest]:g}, too much for a fraction (at most "
+            f"{MAX_FRACTION:g}) and for percent (above {MIN_PERCENT:g}, at most {100 * MAX_FRACTION:g})"
+        )
+    if scale == 1.0:
+        return values, None
+    return values / scale, "values are in percent; divided by 100"
+
+
+def _listed(names: Sequence[str], chosen: Bool[np.ndarray, "rows"]) -> str:
+    """First few of the chosen names."""
+    picked = [name for name, take in zip(names, chosen, strict=True) if take]
+    more = f" and {len(picked) - 3} more" if len(picked) > 3 else ""
+    return ", ".join(picked[:3]) + more
+
+
+def interpolation_matrix(wavelengths: Grid, new_wavelengths: Grid) -> Float[np.ndarray, "bands new"]:
+    """Matrix of linear interpolation: ``values @ matrix`` lies on the new grid.
+
+    Raises:
+        ValueError: a grid is not legal, or the new one reaches beyond the old one.
+    """
+    old = validate_wavelengths(wavelengths)
+    new = validate_wavelengths(new_wavelengths)
+    slack = 1e-6
+    if new[0] < old[0] - slack or new[-1] > old[-1] + slack:
+        inside = new[(new >= old[0] - slack) & (new <= old[-1] + slack)]
+        fix = (
+            f"keep to {describe_grid(inside)}" if inside.size else "they do not meet; choose another spectrum"
+        )
+        raise ValueError(
+            f"cannot resample {describe_grid(old)} to {describe_grid(new)} without guessing: {fix}"
+        )
+    return np.stack([np.interp(new, old, unit) for unit in np.eye(old.size)])
+
+
+def resample(
+    wavelengths: Grid,
+    values: Spectra,
+    new_wavelengths: Grid,
+) -> Float[Array, "*batch new"] | Float[np.ndarray, "*batch new"]:
+    """Spectra on another grid, by linear interpolation, never extrapolated.
+
+    Linear interpolation keeps values between their neighbours (no negative coefficient can appear) and is
+    linear in the values, hence differentiable; its error is at most step^2 / 8 times the curvature.
+    It samples and does not average: smooth a noisy fine spectrum first.
+
+    Args:
+        wavelengths: (bands,), nm.
+        values: (..., bands), any quantity. NumPy in, NumPy out; JAX in, JAX out.
+        new_wavelengths: (new,), nm, within the range of `wavelengths`.
+
+    Raises:
+        ValueError: a grid is not legal, the new one reaches beyond the old one, or shapes do not match.
+    """
+    matrix = interpolation_matrix(wavelengths, new_wavelengths)
+    values = as_array(values)
+    if values.shape[-1:] != matrix.shape[:1]:
+        raise ValueError(f"values of shape {values.shape} do not end in {matrix.shape[0]} bands")
+    if isinstance(values, jax.Array):
+        array = as_float_array(values)
+        return jnp.matmul(array, jnp.asarray(matrix, dtype=array.dtype), precision="highest")
+    return np.asarray(values, dtype=np.float64) @ matrix

@@ -1,0 +1,31 @@
+"""Double precision, hypothesis without deadlines (the first call compiles), and shared measured data."""
+
+import os
+from pathlib import Path
+
+import hypothesis
+import jax
+import pytest
+
+jax.config.update("jax_enable_x64", True)
+hypothesis.settings.register_profile("glazejax", deadline=None, max_examples=50)
+hypothesis.settings.load_profile("glazejax")
+
+
+def _shared(variable: str, folder: str) -> Path:
+    path = Path(os.environ.get(variable) or Path(__file__).parents[2] / "shared" / folder)
+    if not path.is_dir():
+        pytest.skip(f"no shared {folder} at {path}; set {variable}")
+    return path
+
+
+@pytest.fixture(scope="session")
+def shared_data() -> Path:
+    """Folder of measured spectra."""
+    return _shared("GLAZEJAX_DATA", "data")
+
+
+@pytest.fixture(scope="session")
+def shared_reference() -> Path:
+    """Folder of values that other programs computed."""
+    return _shared("GLAZEJAX_REFERENCE", "reference")

@@ -1,0 +1,255 @@
+import subprocess
+import sys
+import warnings
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from glazejax import colour as gc
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore")
+    import colour
+
+OBSERVERS = ["CIE 1931 2 Degree Standard Observer", "CIE 1964 10 Degree Standard Observer"]
+LAMPS = ["D65", "A", "D50", "FL2", "FL11", "LED-B3"]
+
+
+def paints(wavelengths, rows=6):
+    """Smooth spectra with edges from 10 to 60 nm wide, as paints have."""
+    rng = np.random.default_rng(7)
+    centre, width, sign = rng.uniform(450, 650, rows), rng.uniform(10, 60, rows), rng.choice([-1, 1], rows)
+    return 0.05 + 0.85 / (1 + np.exp(-sign * (wavelengths[:, None] - centre) / width)).T
+
+
+def theirs(wavelengths, spectra, lamp, observer, method):
+    """XYZ by colour-science, a spectrum at a time."""
+    matching = colour.MSDS_CMFS[observer].copy().align(colour.SpectralShape(360, 780, 1))
+    light = colour.SDS_ILLUMINANTS[lamp].copy().align(matching.shape)
+    sds = [colour.SpectralDistribution(values, wavelengths) for values in spectra]
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return np.array([colour.sd_to_XYZ(sd, matching, light, method=method) for sd in sds]) / 100
+
+
+@pytest.mark.parametrize("observer", OBSERVERS)
+@pytest.mark.parametrize("lamp", LAMPS)
+@pytest.mark.parametrize(
+    ("start", "end", "step", "error"),
+    [
+        # The same weights, where the grid covers what they cover.
+        (360, 780, 10, 1e-14),
+        (380, 780, 1, 1e-14),
+        # Bands beyond the grid: ASTM adds whole weights to the end band, we repeat the end band.
+        (380, 780, 10, 2e-6),
+        (400, 700, 10, 5e-5),
+        # colour interpolates to 10 nm first.
+        (400, 700, 20, 2e-4),
+        # colour skips to 5 nm matching functions, which is what misses the truth here: see the next test.
+        (380, 780, 5, 2e-3),
+    ],
+)
+def test_xyz_is_that_of_astm_e308(lamp, observer, start, end, step, error):
+    grid = np.arange(start, end + 1, float(step))
+    spectra = paints(grid)
+    expected = theirs(grid, spectra, lamp, observer, "ASTM E308")
+    np.testing.assert_allclose(
+        gc.xyz(grid, spectra, illuminant=lamp, observer=observer), expected, atol=error, rtol=0
+    )
+
+
+@pytest.mark.parametrize("observer", OBSERVERS)
+@pytest.mark.parametrize("lamp", LAMPS)
+@pytest.mark.parametrize(
+    ("start", "end", "step", "error"), [(380, 780, 5, 1e-5), (380, 780, 10, 2e-4), (400, 700, 20, 1e-3)]
+)
+def test_coarse_grids_miss_the_integral_by_little(lamp, observer, start, end, step, error):
+    fine, grid = np.arange(360, 781, 1.0), np.arange(start, end + 1, float(step))
+    expected = theirs(fine, paints(fine), lamp, observer, "Integration")
+    found = gc.xyz(grid, paints(grid), illuminant=lamp, observer=observer)
+    np.testing.assert_allclose(found, expected, atol=error, rtol=0)
+
+
+def test_uneven_grid_of_a_camera():
+    fine = np.arange(360, 781, 1.0)
+    grid = np.linspace(385.4, 995.8, 192) + 0.3 * np.sin(np.arange(192))
+    expected = theirs(fine, paints(fine), "D65", OBSERVERS[0], "Integration")
+    np.testing.assert_allclose(gc.xyz(grid, paints(grid)), expected, atol=1e-5, rtol=0)
+
+
+@pytest.mark.parametrize("lamp", LAMPS)
+@pytest.mark.parametrize("observer", OBSERVERS)
+def test_white_point_is_the_tabulated_one(lamp, observer):
+    for grid in (np.arange(380, 781, 10), np.arange(400, 701, 20)):
+        white = gc.white_point(grid, lamp, observer)
+        assert white[1] == pytest.approx(1, abs=1e-12)
+        np.testing.assert_allclose(colour.XYZ_to_xy(white), colour.CCS_ILLUMINANTS[observer][lamp], atol=3e-4)
+
+
+@pytest.mark.parametrize("lamp", LAMPS)
+@pytest.mark.parametrize("observer", [2, 10])
+def test_perfect_diffuser_is_white(lamp, observer):
+    grid, ones = np.arange(400, 701, 10), np.ones(31)
+    kwargs = {"illuminant": lamp, "observer": observer}
+    np.testing.assert_allclose(gc.lab(grid, ones, **kwargs), [100, 0, 0], atol=1e-11)
+    np.testing.assert_allclose(gc.srgb(grid, ones, clip=False, **kwargs), 1, atol=1e-13)
+
+
+@pytest.mark.parametrize("observer", OBSERVERS)
+@pytest.mark.parametrize("lamp", LAMPS)
+def test_lab_is_that_of_colour(lamp, observer):
+    grid = np.arange(380, 781, 10.0)
+    spectra = np.concatenate([paints(grid), [np.full(41, 1e-3), np.zeros(41)]])
+    kwargs = {"illuminant": lamp, "observer": observer}
+    values = gc.xyz(grid, spectra, **kwargs)
+    white = colour.XYZ_to_xy(gc.white_point(grid, lamp, observer))
+    np.testing.assert_allclose(
+        gc.lab(grid, spectra, **kwargs), colour.XYZ_to_Lab(np.asarray(values), white), atol=1e-10
+    )
+
+
+@pytest.mark.parametrize(
+    ("lamp", "observer"), [("D65", OBSERVERS[0]), ("A", OBSERVERS[0]), ("FL2", OBSERVERS[1])]
+)
+def test_srgb_is_that_of_colour(lamp, observer):
+    grid = np.arange(380, 781, 10.0)
+    spectra = paints(grid)
+    values = np.asarray(gc.xyz(grid, spectra, illuminant=lamp, observer=observer))
+    white = colour.XYZ_to_xy(gc.white_point(grid, lamp, observer))
+    expected = colour.XYZ_to_sRGB(values, white, chromatic_adaptation_transform="Bradford")
+    found = gc.srgb(grid, spectra, illuminant=lamp, observer=observer, clip=False)
+    # colour keeps the matrix rounded to four digits that the standard prints; 2e-3 is half a step of 8 bits.
+    np.testing.assert_allclose(found, expected, atol=2e-3)
+    clipped = gc.srgb(grid, spectra, illuminant=lamp, observer=observer)
+    np.testing.assert_allclose(clipped, np.clip(found, 0, 1), atol=1e-12)
+    assert np.min(found) < 0, "one of the paints should lie outside the gamut, or clipping goes untested"
+
+
+@given(
+    st.lists(st.tuples(st.floats(0, 100), st.floats(-100, 100), st.floats(-100, 100)), min_size=2, max_size=2)
+)
+def test_colour_difference_is_symmetric_and_that_of_colour(pair):
+    one, two = np.array(pair)
+    found = gc.delta_e_2000(one, two)
+    assert found == pytest.approx(float(gc.delta_e_2000(two, one)), abs=1e-6)
+    assert found == pytest.approx(float(colour.delta_E(one, two, method="CIE 2000")))
+    assert gc.delta_e_2000(one, one) == pytest.approx(0, abs=1e-12)
+
+
+def test_colour_difference_of_the_literature():
+    # Sharma, Wu, Dalal (2005), table 1, pairs 1, 17 and 34.
+    one = [[50, 2.6772, -79.7751], [50, 2.5, 0], [2.0776, 0.0795, -1.1350]]
+    two = [[50, 0, -82.7485], [73, 25, -18], [0.9033, -0.0636, -0.5514]]
+    np.testing.assert_allclose(gc.delta_e_2000(one, two), [2.0425, 27.1492, 0.9082], atol=5e-5)
+
+
+@pytest.mark.parametrize("call", [gc.xyz, gc.lab, gc.srgb])
+def test_batches_transformations_and_slopes(call):
+    grid = np.arange(400, 701, 10.0)
+    spectra = jnp.asarray(paints(grid)).reshape(2, 3, 31)
+    whole = call(grid, spectra)
+    assert whole.shape == (2, 3, 3)
+    np.testing.assert_allclose(whole[1, 2], call(grid, spectra[1, 2]), atol=1e-12)
+    np.testing.assert_allclose(jax.jit(lambda r: call(grid, r))(spectra), whole, atol=1e-12)
+    np.testing.assert_allclose(jax.vmap(lambda r: call(grid, r))(spectra), whole, atol=1e-12)
+    dull = 0.3 + 0.2 * spectra[0, 0]
+    jacobian = jax.jacobian(lambda r: call(grid, r))(dull)
+    step = 1e-6 * np.cos(np.arange(31))
+    difference = (call(grid, dull + step) - call(grid, dull - step)) / 2
+    np.testing.assert_allclose(jacobian @ step, difference, rtol=1e-5, atol=1e-11)
+
+
+@pytest.mark.parametrize("level", [0.0, 1e-12, (6 / 29) ** 3, 1.0])
+@pytest.mark.parametrize("call", [gc.lab, gc.srgb])
+def test_slopes_are_finite_at_the_edges(call, level):
+    grid = np.arange(400, 701, 10.0)
+    slope = jax.jacobian(lambda r: call(grid, r))(jnp.full(31, level))
+    assert np.isfinite(slope).all()
+
+
+def test_dark_slope_of_lightness_is_the_straight_line():
+    grid = np.arange(400, 701, 10.0)
+    slope = jax.grad(lambda y: gc.lab(grid, y * jnp.ones(31))[0])(0.0)
+    assert slope == pytest.approx((29 / 3) ** 3)  # CIE's kappa
+
+
+def test_names_in_short():
+    grid = np.arange(400, 701, 10)
+    base = gc.colour_weights(grid, "FL2", OBSERVERS[1])
+    for lamp, observer in (("fl2", 10), ("F2", "10"), ("FL2", "1964"), ("FL2", 1964), ("FL2", "cie_10_1964")):
+        assert gc.colour_weights(grid, lamp, observer) is base
+    assert gc.find_observer("cie 2015 2 degree standard observer") == "CIE 2015 2 Degree Standard Observer"
+    assert not base.flags.writeable
+
+
+@pytest.mark.parametrize(
+    ("call", "name", "near"),
+    [
+        (gc.find_illuminant, "D66", "D65"),
+        (gc.find_illuminant, "LED", "LED-B1"),
+        (gc.find_illuminant, "!", "D50"),
+        (gc.find_observer, "3", "CIE 1931 2 Degree"),
+        (gc.find_observer, "1932", "1931"),
+    ],
+)
+def test_unknown_names_list_the_nearest(call, name, near):
+    with pytest.raises(ValueError, match=f"unknown .*{name}.*nearest are .*{near}"):
+        call(name)
+
+
+def test_every_lamp_and_observer_works():
+    grid = np.arange(380, 781, 10)
+    for lamp in colour.SDS_ILLUMINANTS:
+        for observer in ("2", "CIE 2015 10 Degree Standard Observer"):
+            assert gc.white_point(grid, lamp, observer)[1] == pytest.approx(1)
+
+
+@pytest.mark.parametrize(
+    ("grid", "complaint"),
+    [
+        (np.arange(500, 701, 10), "guesswork.*from about 420 to 680 nm"),
+        (np.arange(900, 1700, 10), "100% of a tristimulus value"),
+        ([400, 550, 700], "too coarse"),
+        (np.arange(380, 781, 50), "too coarse"),
+        ([550], "guesswork"),
+    ],
+)
+def test_useless_grids_are_refused(grid, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        gc.colour_weights(grid)
+
+
+def test_shapes_must_match():
+    with pytest.raises(ValueError, match="31 bands"):
+        gc.xyz(np.arange(400, 701, 10), np.ones(30))
+
+
+def test_single_precision_without_x64():
+    code = (
+        "import numpy as np, jax.numpy as jnp, sys\n"
+        "import glazejax.colour as c\n"
+        "assert not {'colour', 'matplotlib', 'emcee', 'optimistix'} & set(sys.modules)\n"
+        "lab = c.lab(np.arange(400, 701, 10), np.ones(31))\n"
+        "assert lab.dtype == jnp.float32, lab.dtype\n"
+        "assert abs(np.asarray(lab) - [100, 0, 0]).max() < 1e-3, lab\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_numpy_prints_as_before():
+    code = (
+        "import numpy as np\n"
+        "import glazejax.colour as c\n"
+        "before = np.get_printoptions()\n"
+        "c.colour_science()\n"
+        "assert np.get_printoptions() == before, np.get_printoptions()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr

@@ -1,0 +1,181 @@
+import csv
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from glazejax.io import read_spectra, write_table
+
+WIDE = "Name,400,410,420\nred,0.1,0.2,0.3\nblue,0.4,0.5,0.6\n"
+
+
+def put(tmp_path, text, name="t.csv"):
+    path = tmp_path / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        WIDE,
+        WIDE.replace(",", "\t"),
+        WIDE.replace(",", ";"),
+        WIDE.replace(",", "  "),
+        WIDE.replace(",", ";").replace("0.", "0,"),
+        WIDE.replace("410", "410 nm").replace("420", "420nm"),
+        WIDE.replace("\n", "\r\n"),
+        "\ufeff" + WIDE,
+        "# a comment, with 3 commas, or more\n\n" + WIDE.replace("\n", ",\n"),
+        '"Name","400","410","420"\n"red",0.1,0.2,0.3\n"blue",0.4,0.5,0.6',
+        "wavelength,red,blue\n400,0.1,0.4\n410,0.2,0.5\n420,0.3,0.6\n",
+        "Wavelength (nm);red;blue\n400;0,1;0,4\n410;0,2;0,5\n420;0,3;0,6\n",
+        "nm red blue\n400 .1 .4\n410 .2 .5\n420 .3 .6\n",
+    ],
+)
+def test_every_layout_reads_the_same(tmp_path, text):
+    table = read_spectra(put(tmp_path, text))
+    assert table.names == ("red", "blue")
+    np.testing.assert_array_equal(table.wavelengths, [400, 410, 420])
+    np.testing.assert_array_equal(table.reflectance, [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]])
+    np.testing.assert_array_equal(table["blue"], [0.4, 0.5, 0.6])
+    assert table.notes == []
+    assert len(table) == 2
+
+
+def test_numbered_samples_are_not_wavelengths(tmp_path):
+    table = read_spectra(put(tmp_path, "wavelength,1,2\n400,0.1,0.4\n410,0.2,0.5\n"))
+    assert table.names == ("1", "2")
+    assert table.wavelengths.tolist() == [400, 410]
+
+
+def test_rows_named_by_number(tmp_path):
+    table = read_spectra(put(tmp_path, "wavelength,400,410\n1,0.1,0.4\n2,0.2,0.5\n"))
+    assert table.names == ("1", "2")
+    assert table.wavelengths.tolist() == [400, 410]
+
+
+def test_percent_is_said(tmp_path):
+    table = read_spectra(put(tmp_path, "Name,400,410\nred,5,90\n"))
+    np.testing.assert_allclose(table.reflectance, [[0.05, 0.9]])
+    assert table.notes == ["values are in percent; divided by 100"]
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("", "the file is empty"),
+        ("\n , ,\n", "the file is empty"),
+        ("Name,400,410\n", "no data below"),
+        (b"\xff\xfe\x00a", "not UTF-8 text"),
+        (b"a,400\0\n", "not a text file"),
+        ("Name,red,blue\nx,1,2\n", "no wavelengths in the header; expected 'Name,400,410"),
+        ("hello\nworld\n", "one column only"),
+        ("400,0.1,0.2\n410,0.1,0.2\n", "line 1: numbers only, where a header should be"),
+        ("Name,400,410,4l0\nx,1,2,3\n", "line 1: column '4l0' is not a wavelength"),
+        ("Name,400,420,410\nx,1,2,3\n", "must ascend: number 3 is 410 nm after 420 nm"),
+        ("wavelength,a\n400,.1\n390,.2\n", "must ascend: number 2"),
+        ("wavelength,a\n400,.1\nx,.2\n", "line 3: column 'wavelength': 'x' is not a wavelength"),
+        ("Name,400,410\nred,.1,.2\nblue,.1\n", "line 3: 2 cells where the header has 3"),
+        ("Name,400,410\nred,.1,.2\nblue,.1,.2,.3\n", "line 3: 4 cells where the header has 3"),
+        ("Name,400,410\nred,.1,high\n", "line 2: sample 'red', column '410': 'high' is not a finite number"),
+        ("Name,400,410\nred,.1,nan\n", "sample 'red', column '410': 'nan' is not a finite number"),
+        ("Name,400,410\nred,.1,inf\n", "'inf' is not a finite number"),
+        ("Name,400,410\nred,,.1\n", "sample 'red', column '400': the cell is empty"),
+        ("Name,400,410\nred,-.1,.1\n", "sample 'red', column '400': reflectance -.1 is negative"),
+        ("wavelength,a,b\n400,.1,-2\n", "line 2: sample 'b', column 'b': reflectance -2 is negative"),
+        ("Name,400,410\nred,.1,.1\nblue,10,20\n", "mixed: blue in percent .*, red in fractions"),
+        ("Name,400,410\nred,.1,.1\n\nred,.1,.2\n", "line 4: sample 'red' is already on line 2"),
+        ("wavelength,a,a\n400,.1,.2\n", "line 1: sample 'a' is already"),
+        ("Name,400,410\n,.1,.1\n", "line 2: a sample has no name"),
+    ],
+)
+def test_errors_are_one_line_that_says_where(tmp_path, text, complaint):
+    path = put(tmp_path, text)
+    with pytest.raises(ValueError, match=complaint) as caught:
+        read_spectra(path)
+    assert str(path) in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_file_and_folder(tmp_path):
+    with pytest.raises(FileNotFoundError, match="there is no such file"):
+        read_spectra(tmp_path / "none.csv")
+    with pytest.raises(ValueError, match="folder"):
+        read_spectra(tmp_path)
+
+
+def read_or_complain(path):
+    """Table, or None after an error of one line; any other exception fails the test."""
+    try:
+        return read_spectra(path)
+    except ValueError as error:
+        complaint = str(error)
+    assert len(complaint.splitlines()) == 1
+    return None
+
+
+@given(st.binary(max_size=200))
+def test_garbage_never_surprises(tmp_path_factory, content):
+    path = tmp_path_factory.mktemp("garbage") / "t.csv"
+    path.write_bytes(content)
+    table = read_or_complain(path)
+    assert table is None or np.isfinite(table.reflectance).all()
+
+
+@given(st.text(alphabet="0123456789.,;\t\n nmNaeE-+\"'#", max_size=120))
+def test_near_tables_never_surprise(tmp_path_factory, content):
+    path = tmp_path_factory.mktemp("near") / "t.csv"
+    path.write_text(content)
+    table = read_or_complain(path)
+    assert table is None or table.reflectance.shape == (len(table.names), table.wavelengths.size)
+
+
+def test_measured_van_gogh_paints(shared_data):
+    table = read_spectra(shared_data / "revigo" / "reflectance.tsv")
+    assert table.reflectance.shape == (len(table.names), 31)
+    assert len(table.notes) == 1
+    black = np.mean([table[name].mean() for name in table.names if name.endswith("_b")])
+    white = np.mean([table[name].mean() for name in table.names if name.endswith("_w")])
+    # The figures of its SOURCE.md.
+    assert black == pytest.approx(0.0501, abs=5e-4)
+    assert white == pytest.approx(0.835, abs=5e-3)
+
+
+@given(st.lists(st.tuples(st.text("ab,\"' ;é"), st.floats(allow_nan=False)), max_size=5))
+def test_tables_read_back(tmp_path_factory, rows):
+    path = tmp_path_factory.mktemp("out") / "t.csv"
+    write_table(path, ["name", "value, in m"], rows)
+    with path.open(encoding="utf-8", newline="") as file:
+        header, *body = csv.reader(file)
+    assert header == ["name", "value, in m"]
+    assert [(name, float(value)) for name, value in body] == rows
+
+
+def test_array_cells_are_plain_numbers(tmp_path):
+    path = tmp_path / "t.tsv"
+    write_table(
+        path, ["a", "b", "c", "d"], [[np.float64(1e-7), jnp.asarray(1 / 3), np.float32(0.1), np.int64(3)]]
+    )
+    cells = path.read_text().splitlines()[1].split("\t")
+    assert cells == ["1e-07", repr(1 / 3), "0.1", "3"]
+
+
+def test_existing_file_is_kept(tmp_path):
+    path = put(tmp_path, "mine")
+    with pytest.raises(FileExistsError, match="--overwrite"):
+        write_table(path, ["a"], [[1]])
+    assert path.read_text() == "mine"
+    write_table(path, ["a"], [[1]], overwrite=True)
+    assert path.read_text() == "a\n1\n"
+
+
+def test_nothing_is_written_on_error(tmp_path):
+    path = put(tmp_path, "mine")
+    with pytest.raises(ValueError, match="row 2 has 2 cells where the header has 1"):
+        write_table(path, ["a"], [[1], [1, 2]], overwrite=True)
+    assert path.read_text() == "mine"
+    with pytest.raises(FileNotFoundError, match="folder"):
+        write_table(tmp_path / "no" / "t.csv", ["a"], [[1]])

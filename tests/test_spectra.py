@@ -1,0 +1,139 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.interpolate import make_interp_spline
+
+from glazejax.spectra import DEFAULT_WAVELENGTHS, as_fraction, describe_grid, resample, validate_wavelengths
+
+
+def test_default_grid_is_that_of_the_paper():
+    assert DEFAULT_WAVELENGTHS[0] == 380
+    assert DEFAULT_WAVELENGTHS[-1] == 780
+    assert DEFAULT_WAVELENGTHS.size == 41
+    with pytest.raises(ValueError, match="read-only"):
+        DEFAULT_WAVELENGTHS[0] = 1
+
+
+def test_grid_is_copied_and_locked():
+    mine = np.array([400, 410])
+    grid = validate_wavelengths(mine)
+    mine[0] = 1
+    assert grid.tolist() == [400.0, 410.0]
+    assert grid.dtype == np.float64
+    assert not grid.flags.writeable
+
+
+@pytest.mark.parametrize(
+    ("grid", "complaint"),
+    [
+        ([400, 420, 410], "number 3 is 410 nm after 420 nm"),
+        ([400, 400], "number 2 is 400 nm after 400 nm"),
+        ([400, np.nan], "number 2 is nan"),
+        ([0, 400], "number 1 is 0 nm"),
+        ([400, np.inf], "number 2 is inf"),
+        ([], r"shape \(0,\)"),
+        ([[400]], r"shape \(1, 1\)"),
+        ([0.4, 0.7], "micrometres"),
+        (["red"], "must be numbers"),
+    ],
+)
+def test_wrong_grid_is_named(grid, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        validate_wavelengths(grid)
+
+
+def test_traced_grid_is_refused():
+    with pytest.raises(ValueError, match="traced"):
+        jax.jit(lambda w: w + validate_wavelengths(w))(jnp.array([400.0, 410.0]))
+
+
+def test_grid_described():
+    assert describe_grid(np.array([400.0, 410.0, 420.0])) == "400-420 nm step 10 (3 bands)"
+    assert describe_grid(np.array([400.0, 410.0, 430.0])) == "400-430 nm uneven (3 bands)"
+
+
+@given(
+    st.lists(st.floats(0.0, 1.0), min_size=3, max_size=8),
+    st.lists(st.floats(0.0, 1.0), min_size=4, max_size=9),
+)
+def test_resampling_is_the_linear_spline(values, places):
+    old = 400.0 + 7.0 * np.arange(len(values)) ** 1.3
+    new = np.unique(old[0] + np.array(places) * (old[-1] - old[0]))
+    new = new[np.concatenate([[True], np.diff(new) > 1e-6])]
+    expected = make_interp_spline(old, values, k=1)(new)
+    np.testing.assert_allclose(resample(old, values, new), expected, atol=1e-12)
+
+
+def test_resampling_keeps_kind_and_batch():
+    old, new = np.array([400, 410, 420]), np.array([405, 415])
+    stack = np.arange(12).reshape(2, 2, 3)
+    assert isinstance(resample(old, stack, new), np.ndarray)
+    there = resample(old, jnp.asarray(stack), new)
+    assert isinstance(there, jax.Array)
+    np.testing.assert_allclose(there, stack[..., :-1] + 0.5)
+
+
+def test_resampling_is_differentiable():
+    slope = jax.grad(lambda r: resample([400, 410, 420], r, [404.0]).sum())(jnp.zeros(3))
+    np.testing.assert_allclose(slope, [0.6, 0.4, 0.0], atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("new", "complaint"),
+    [
+        ([390, 400, 410], r"400-420 nm step 10 \(3 bands\) to 390-410 nm.*keep to 400-410 nm"),
+        ([410, 430], "keep to 410-410 nm"),
+        ([700, 710], "do not meet"),
+    ],
+)
+def test_extrapolation_is_refused(new, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        resample([400, 410, 420], [1, 2, 3], new)
+
+
+def test_resampling_checks_shape():
+    with pytest.raises(ValueError, match="do not end in 3 bands"):
+        resample([400, 410, 420], [1, 2], [405])
+
+
+def test_fraction_stays():
+    values, note = as_fraction([[0.1, 0.2], [1.65, 0.3]])
+    assert values.tolist() == [[0.1, 0.2], [1.65, 0.3]]
+    assert note is None
+
+
+def test_percent_is_divided_and_said():
+    values, note = as_fraction([50.0, 4.0])
+    np.testing.assert_allclose(values, [0.5, 0.04])
+    assert note is not None
+    assert "percent" in note
+
+
+def test_black_below_the_limit_of_one_band_is_still_percent():
+    # A matt ultramarine dips to 2 %, but nowhere is its whole spectrum that dark.
+    values, _ = as_fraction([[1.2, 6.0], [80.0, 90.0]])
+    np.testing.assert_allclose(values[0], [0.012, 0.06])
+
+
+@pytest.mark.parametrize(
+    ("rows", "complaint"),
+    [
+        ([[0.5, 0.6], [50, 60], [0.1, 0.2]], "mixed: dark in percent.*white, tint in fractions"),
+        ([[0.5, np.nan], [0.5, 0.6], [0.5, 0.6]], "white is not finite at band 2"),
+        ([[0.5, 0.6], [0.5, np.inf], [0.5, 0.6]], "dark is not finite at band 2"),
+        ([[0.5, 0.6], [0.5, 0.6], [-0.01, 0.6]], "tint is negative at band 1: -0.01"),
+        ([[0.5, 0.6], [0.5, 1.9], [0.5, 0.6]], "dark reaches 1.9"),
+        ([[50, 60], [50, 60], [50, 300]], "tint reaches 300"),
+    ],
+)
+def test_wrong_reflectance_names_the_row(rows, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        as_fraction(rows, ["white", "dark", "tint"])
+
+
+def test_names_must_fit_the_rows():
+    with pytest.raises(ValueError, match="1 names were given for 2 rows"):
+        as_fraction([[0.5], [0.6]], ["only"])
