@@ -1,0 +1,50 @@
+"""Differentiable colour of stacked paint glazes: from pigments' absorption and scattering to reflectance.
+
+Describe paint with `Pigment`, `Mixture`, `Layer` and `Glaze`, an instrument with `Bidirectional` or
+`Hemispherical`, and ask for `reflectance`; `colour` turns spectra into XYZ, Lab and sRGB. The solvers behind
+it work on plain arrays: `stack_reflectance_factor` and `stack_hemispherical_reflectance`.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+from .geometry import Bidirectional, Hemispherical
+from .media import Glaze, Layer, Mixture, Pigment
+from .radiative.stack import stack_hemispherical_reflectance, stack_reflectance_factor
+
+# After the submodule of the same name is loaded, so that the function is what stays.
+from .reflectance import reflectance
+
+if TYPE_CHECKING:
+    from . import catalogue, colour, io, spectra
+
+__version__ = "0.1.0"
+
+__all__ = [
+    "Bidirectional",
+    "Glaze",
+    "Hemispherical",
+    "Layer",
+    "Mixture",
+    "Pigment",
+    "catalogue",
+    "colour",
+    "io",
+    "reflectance",
+    "spectra",
+    "stack_hemispherical_reflectance",
+    "stack_reflectance_factor",
+]
+
+_SUBMODULES = {"appearance", "catalogue", "colour", "io", "plots", "spectra"}
+
+
+def __getattr__(name: str) -> Any:
+    """Load a submodule when it is first asked for."""
+    if name in _SUBMODULES:
+        return importlib.import_module(f"{__name__}.{name}")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_SUBMODULES})

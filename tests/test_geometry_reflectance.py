@@ -1,0 +1,242 @@
+import json
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import quad
+
+import glazejax
+from glazejax import Bidirectional, Glaze, Hemispherical, Layer, Mixture, Pigment, reflectance
+
+GRID = np.array([400.0, 500.0, 600.0])
+RED = Pigment("red", GRID, [9e4, 6e4, 1e3], [1e4, 2e4, 9e4])
+BLUE = Pigment("blue", GRID, [2e3, 4e4, 8e4], [5e4, 1e4, 0.0])
+INSTRUMENTS = [Bidirectional(45, 0), Bidirectional(45, 45, specular=True), Hemispherical()]
+
+
+def fresnel(degrees, n):
+    """Unpolarised reflectance by the sines and tangents of the textbook."""
+    if degrees == 0:
+        return ((n - 1) / (n + 1)) ** 2
+    i = np.deg2rad(degrees)
+    t = np.arcsin(np.sin(i) / n)
+    return (np.sin(i - t) ** 2 / np.sin(i + t) ** 2 + np.tan(i - t) ** 2 / np.tan(i + t) ** 2) / 2
+
+
+def inner_reflectance(n):
+    """Reflectance of the surface from inside for diffuse light, by adaptive quadrature."""
+    outside = quad(lambda i: np.sin(2 * i) * fresnel(np.rad2deg(i), n), 0, np.pi / 2, epsabs=1e-12)[0]
+    return 1 - (1 - outside) / n**2
+
+
+@pytest.mark.parametrize("angle", [-1, 90, 91, np.nan, [10, 100]])
+def test_wrong_angles(angle):
+    with pytest.raises(ValueError, match=r"incidence must lie in \[0, 90\)"):
+        Bidirectional(incidence=angle)
+    with pytest.raises(ValueError, match=r"viewing must lie in \[0, 90\)"):
+        Bidirectional(viewing=angle)
+    with pytest.raises(ValueError, match="incidence"):
+        Hemispherical(angle)
+
+
+def test_angle_must_be_a_number():
+    with pytest.raises(ValueError, match="number of degrees"):
+        Hemispherical("8")  # pyright: ignore[reportArgumentType]
+
+
+@given(st.floats(0, 89.99))
+def test_cosines(angle):
+    assert Bidirectional(viewing=angle).cos_viewing == pytest.approx(
+        np.sin(np.deg2rad(90 - angle)), abs=1e-15
+    )
+    assert Hemispherical(jnp.asarray(angle)).cos_incidence == pytest.approx(np.sin(np.deg2rad(90 - angle)))
+
+
+def test_traced_angles_are_not_checked():
+    assert jax.jit(lambda a: Hemispherical(a).cos_incidence)(120.0) == pytest.approx(-0.5)
+
+
+def test_defaults_are_those_of_the_instruments():
+    assert (Bidirectional().incidence, Bidirectional().viewing, Bidirectional().specular) == (0, 0, False)
+    assert (Hemispherical().incidence, Hemispherical().specular) == (8, True)
+
+
+@pytest.mark.parametrize("n", [1.5, 2.0])
+@pytest.mark.parametrize("ground", [0.0, 0.025, 1.0])
+def test_bare_ground_in_closed_form(ground, n):
+    inside = inner_reflectance(n)
+    escape = ground * (1 - inside) / (1 - ground * inside)
+    surface = fresnel(8, n)
+    glaze = Glaze([], np.full(3, ground), n)
+    found = reflectance(glaze, Hemispherical())
+    assert found.shape == (3,)
+    np.testing.assert_allclose(found, surface + (1 - surface) * escape, atol=2e-6)
+    through = (1 - fresnel(45, n)) * (1 - fresnel(10, n)) / n**2
+    np.testing.assert_allclose(
+        reflectance(glaze, Bidirectional(45, 10)), through * ground / (1 - ground * inside), atol=2e-6
+    )
+
+
+def test_pure_absorber_without_surface_is_beer_lambert():
+    glass = Pigment("glass", GRID, [1e3, 1e4, 1e5], [0.0, 0.0, 0.0])
+    glaze = Glaze([Layer(glass, 1e-5), Layer(glass, 2e-5)], [0.9, 0.5, 1.0], 1.0)
+    path = 3e-5 * (1 / np.cos(np.deg2rad(30)) + 1 / np.cos(np.deg2rad(60)))
+    expected = np.array([0.9, 0.5, 1.0]) * np.exp(-np.array([1e3, 1e4, 1e5]) * path)
+    np.testing.assert_allclose(reflectance(glaze, Bidirectional(30, 60)), expected, atol=1e-6)
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_stacks_of_the_reference(shared_reference, count):
+    everything = json.loads((shared_reference / "isotropic_stacks.json").read_text())
+    cases = [case for case in everything if case["refractive_index"] == 1.5 and len(case["albedo"]) == count]
+    assert len(cases) > 10
+
+    def column(key):
+        return np.array([case[key] for case in cases])
+
+    thickness = 1e-5
+    layers = []
+    for q, depth in zip(column("albedo").T, column("optical_thickness").T, strict=True):
+        extinction = depth / thickness
+        medium = Pigment("p", [550.0], ((1 - q) * extinction)[:, None], (q * extinction)[:, None])
+        layers.append(Layer(medium, thickness))
+    glaze = Glaze(layers, column("substrate_reflectance")[:, None])
+    i, v = (np.rad2deg(np.arccos(column(key))) for key in ("cos_incidence", "cos_viewing"))
+    for geometry, key in (
+        (Bidirectional(i, v), "reflectance_factor"),
+        (Hemispherical(i, specular=False), "hemispherical_reflectance"),
+    ):
+        np.testing.assert_allclose(reflectance(glaze, geometry)[:, 0], column(key), atol=2e-6, rtol=0)
+
+
+@pytest.mark.parametrize("angle", [0.0, 60.0])
+def test_specular_part_is_fresnel(angle):
+    glaze = Glaze([Layer(RED, 2e-5)], 0.8, [1.4, 1.5, 1.6])
+    expected = [fresnel(angle, n) for n in (1.4, 1.5, 1.6)]
+    added = reflectance(glaze, Hemispherical(angle)) - reflectance(
+        glaze, Hemispherical(angle, specular=False)
+    )
+    np.testing.assert_allclose(added, expected, atol=1e-12)
+    with_mirror = reflectance(glaze, Bidirectional(angle, angle, specular=True))
+    np.testing.assert_allclose(
+        with_mirror - reflectance(glaze, Bidirectional(angle, angle)), expected, atol=1e-12
+    )
+
+
+def test_no_specular_part_away_from_the_mirror():
+    glaze = Glaze([Layer(RED, 2e-5)], 0.8)
+    np.testing.assert_array_equal(
+        reflectance(glaze, Bidirectional(45, 0, specular=True)), reflectance(glaze, Bidirectional(45, 0))
+    )
+
+
+def test_goniometer_batch():
+    glaze = Glaze([Layer(RED, 2e-5)], 0.8)
+    views = np.array([0.0, 45.0, 70.0])
+    sweep = reflectance(glaze, Bidirectional(45.0, views, specular=True))
+    assert sweep.shape == (3, 3)
+    for row, view in zip(sweep, views, strict=True):
+        np.testing.assert_allclose(
+            row, reflectance(glaze, Bidirectional(45.0, view, specular=True)), atol=1e-9
+        )
+
+
+def test_reciprocity():
+    glaze = Glaze([Layer(RED, 2e-5), Layer(BLUE, 1e-5)], 0.8)
+    np.testing.assert_allclose(
+        reflectance(glaze, Bidirectional(60, 10)), reflectance(glaze, Bidirectional(10, 60)), atol=2e-6
+    )
+
+
+@pytest.mark.parametrize("geometry", INSTRUMENTS, ids=repr)
+def test_layer_of_no_thickness_is_no_layer(geometry):
+    one = Glaze([Layer(RED, 1e-5)], 0.7)
+    two = Glaze([Layer(BLUE, 0.0), Layer(RED, 1e-5), Layer(BLUE, 0.0)], 0.7)
+    np.testing.assert_allclose(reflectance(two, geometry), reflectance(one, geometry), atol=1e-12)
+    none = Glaze([Layer(BLUE, 0.0)], 0.7)
+    np.testing.assert_allclose(
+        reflectance(none, geometry), np.broadcast_to(reflectance(Glaze([], 0.7), geometry), 3), atol=1e-12
+    )
+
+
+@pytest.mark.parametrize("geometry", INSTRUMENTS[1:], ids=repr)
+def test_transformations_agree(geometry):
+    def build(thickness):
+        return Glaze([Layer(RED, thickness), Layer(Mixture([RED, BLUE], [0.3, 0.7]), 1e-5)], 0.8)
+
+    coats = np.array([0.0, 1e-6, 3e-5])
+    loop = np.stack([reflectance(build(d), geometry) for d in coats])
+    np.testing.assert_allclose(reflectance(build(coats), geometry), loop, atol=1e-10)
+    np.testing.assert_allclose(
+        jax.vmap(lambda d: reflectance(build(d), geometry))(jnp.asarray(coats)), loop, atol=1e-10
+    )
+    np.testing.assert_allclose(eqx.filter_jit(reflectance)(build(3e-5), geometry), loop[2], atol=1e-10)
+    # Plain jit traces the refractive index and the angles too, and may choose directions otherwise.
+    np.testing.assert_allclose(jax.jit(reflectance)(build(3e-5), geometry), loop[2], atol=3e-6)
+
+
+@pytest.mark.parametrize("geometry", [Bidirectional(45, 0), Hemispherical()], ids=repr)
+def test_slopes_are_those_of_finite_differences(geometry):
+    def mean(thickness, k, s, weight, ground):
+        mixture = Mixture([Pigment("a", GRID, k, s), BLUE], jnp.stack([weight, 1 - weight]))
+        return reflectance(Glaze([Layer(mixture, thickness)], ground), geometry).mean()
+
+    point = (jnp.asarray(1e-5), RED.absorption, RED.scattering, jnp.asarray(0.4), jnp.asarray(0.7))
+    slopes = jax.grad(mean, argnums=(0, 1, 2, 3, 4))(*point)
+    for i, (value, slope) in enumerate(zip(point, slopes, strict=True)):
+        step = 1e-4 * value
+        up, down = (mean(*[*point[:i], value + sign * step, *point[i + 1 :]]) for sign in (1, -1))
+        assert jnp.sum(slope * step) == pytest.approx(float(up - down) / 2, rel=1e-5, abs=1e-12), i
+
+
+def test_slopes_are_finite_at_the_edges():
+    def total(thickness, k, s, ground):
+        glaze = Glaze([Layer(Pigment("a", GRID, k, s), thickness)], ground)
+        return reflectance(glaze, Hemispherical()).sum()
+
+    zero, some = jnp.zeros(3), jnp.full(3, 1e5)
+    for k, s in ((zero, zero), (zero, some), (some, zero)):
+        for thickness, ground in ((0.0, 0.0), (0.0, 1.0), (1e-5, 1.0), (1e-2, 0.5)):
+            slopes = jax.grad(total, argnums=(0, 1, 2, 3))(thickness, k, s, ground)
+            assert all(np.isfinite(slope).all() for slope in slopes), (k, s, thickness, ground)
+
+
+def test_other_geometry_is_refused():
+    with pytest.raises(TypeError, match="must be Bidirectional or Hemispherical, not float"):
+        reflectance(Glaze([], 0.5), 8.0)  # pyright: ignore[reportArgumentType]
+
+
+def test_public_names():
+    assert glazejax.reflectance is reflectance
+    for name in glazejax.__all__:
+        if name != "catalogue":
+            assert getattr(glazejax, name) is not None
+    assert {"colour", "io"} <= set(dir(glazejax))
+    with pytest.raises(AttributeError, match="has no attribute 'color'"):
+        _ = glazejax.color  # pyright: ignore[reportAttributeAccessIssue]
+
+
+def test_version_is_that_of_the_distribution():
+    project = tomllib.loads((Path(__file__).parents[1] / "pyproject.toml").read_text())["project"]
+    assert glazejax.__version__ == project["version"]
+
+
+def test_import_is_light():
+    code = (
+        "import sys, glazejax, jax\n"
+        "assert callable(glazejax.reflectance) and glazejax.colour and glazejax.io\n"
+        "import glazejax.reflectance as again\n"
+        "assert not jax.config.jax_enable_x64\n"
+        "print([m for m in ('colour', 'matplotlib', 'emcee', 'optimistix', 'scipy.optimize', 'typer')"
+        " if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert done.stdout.strip() == "[]", done.stdout + done.stderr
