@@ -1,0 +1,268 @@
+"""The two reflectances of a stack of layers: validation, batching, derivatives, choice of method."""
+
+import functools
+from collections.abc import Callable
+from typing import Literal, NamedTuple, get_args
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.custom_derivatives import SymbolicZero
+from jaxtyping import Array, Float
+from jaxtyping import ArrayLike as _ArrayLike
+
+from glazejax.radiative import ordinates
+from glazejax.radiative.directions import Resolution
+from glazejax.radiative.ordinates import Stack
+from glazejax.radiative.resolution import resolve
+
+Method = Literal["ordinates"]
+"""Ways to compute the same quantity."""
+
+INDEX_RANGE = (1.0, 2.5)
+"""Refractive indices the directions were calibrated for."""
+
+# Bytes of one chunk's matrices: they should stay in a core's second-level cache.
+_CHUNK_BYTES = 2**20
+
+
+class _Options(NamedTuple):
+    """What is fixed when the program is compiled."""
+
+    resolution: Resolution
+    refractive_index: float | None  # None where the index is an array of the stack
+    chunk: int
+
+
+def stack_reflectance_factor(
+    albedo: Float[_ArrayLike, "*batch layers"],
+    optical_thickness: Float[_ArrayLike, "*batch layers"],
+    substrate_reflectance: Float[_ArrayLike, "*batch"],
+    *,
+    refractive_index: float | Float[_ArrayLike, "*batch"] = 1.5,
+    cos_incidence: Float[_ArrayLike, "*batch"] = 1.0,
+    cos_viewing: Float[_ArrayLike, "*batch"] = 1.0,
+    tolerance: float = 1e-6,
+    method: Method = "ordinates",
+) -> Float[Array, "*batch"]:
+    """Reflectance factor pi L_out / E_in of a stack of layers under a smooth interface.
+
+    Collimated unpolarised light falls on a smooth dielectric surface, is refracted, scattered isotropically in
+    homogeneous layers that share one refractive index, reflected by a Lambertian ground and seen, refracted out
+    again, from one direction. The part reflected by the surface itself is not included. Isotropic scattering makes
+    the result independent of azimuth, and the same with incidence and viewing exchanged.
+
+    Args:
+        albedo: single-scattering albedo s/(k + s) of each layer, top first, (..., layers), in [0, 1].
+        optical_thickness: (k + s) times thickness, (..., layers), >= 0. Zero is an absent layer, exactly.
+        substrate_reflectance: of the Lambertian ground, as seen from inside the medium, (...), in [0, 1].
+        refractive_index: of all layers, (...), in [1, 2.5]. A Python number is the fast path: directions are
+            then chosen for it. Under `jax.jit` an index that is traced gets directions good for the whole range.
+        cos_incidence: cosine of the angle of incidence in air, (...), in (0, 1].
+        cos_viewing: cosine of the viewing angle in air, (...), in (0, 1].
+        tolerance: absolute error wanted, a Python number; see Notes.
+        method: "ordinates" (discrete ordinates in even-parity form, `glazejax.radiative.ordinates`).
+
+    Returns:
+        Reflectance factor, shape of the broadcast batch. float64 if x64 is enabled in JAX, else float32.
+
+    Raises:
+        ValueError: a value out of range, NaN, shapes that do not broadcast, or an unknown method; the message
+            names the argument and the value. Values that are traced cannot be checked.
+
+    Notes:
+        `tolerance` picks the number of directions from a table. It was calibrated on random stacks of 1 to 5 layers
+        with optical thickness 0.003 to 30, albedo up to 1 - 1e-6, grounds 0 to 1 and cosines 0.05 to 1 at indices
+        from 1 to 2.5 against a run with more than twice the directions, so that the worst of them stays
+        below the tolerance (`python -m benchmarks.calibrate_directions` repeats it). In float32, rounding leaves
+        about 1e-5 and a smaller tolerance buys nothing.
+
+    Source: paper A (Shinozawa et al. 2013), eqs (4)-(22), solved as described in `glazejax.radiative.ordinates`.
+    """
+    return _evaluate(
+        _Inputs(albedo, optical_thickness, substrate_reflectance, refractive_index, cos_incidence, cos_viewing),
+        tolerance,
+        method,
+    )
+
+
+def stack_hemispherical_reflectance(
+    albedo: Float[_ArrayLike, "*batch layers"],
+    optical_thickness: Float[_ArrayLike, "*batch layers"],
+    substrate_reflectance: Float[_ArrayLike, "*batch"],
+    *,
+    refractive_index: float | Float[_ArrayLike, "*batch"] = 1.5,
+    cos_incidence: Float[_ArrayLike, "*batch"] = 1.0,
+    tolerance: float = 1e-6,
+    method: Method = "ordinates",
+) -> Float[Array, "*batch"]:
+    """Directional-hemispherical reflectance of a stack of layers under a smooth interface.
+
+    Flux that leaves over flux that falls on the surface as a collimated beam, without the part reflected by the
+    surface itself. By reciprocity it is also the hemispherical-directional reflectance factor of a diffusely lit
+    sample seen at the same angle (an integrating sphere d:8 is ``cos_incidence = cos(8 deg)``).
+
+    Args, raises and notes as for `stack_reflectance_factor`; there is no viewing direction.
+
+    Returns:
+        Reflectance, shape of the broadcast batch.
+
+    Source: paper A (Shinozawa et al. 2013), eqs (4)-(22), solved as described in `glazejax.radiative.ordinates`.
+    """
+    return _evaluate(
+        _Inputs(albedo, optical_thickness, substrate_reflectance, refractive_index, cos_incidence, None),
+        tolerance,
+        method,
+    )
+
+
+class _Inputs(NamedTuple):
+    """The arguments as given."""
+
+    albedo: _ArrayLike
+    optical_thickness: _ArrayLike
+    substrate_reflectance: _ArrayLike
+    refractive_index: _ArrayLike
+    cos_incidence: _ArrayLike
+    cos_viewing: _ArrayLike | None
+
+
+_RANGES: dict[str, tuple[str, Callable[[np.ndarray], np.ndarray]]] = {
+    "albedo": ("in [0, 1]", lambda x: (x >= 0) & (x <= 1)),
+    "optical_thickness": (">= 0 and finite", lambda x: (x >= 0) & np.isfinite(x)),
+    "substrate_reflectance": ("in [0, 1] (a fraction, not percent)", lambda x: (x >= 0) & (x <= 1)),
+    "refractive_index": ("in [1, 2.5]", lambda x: (x >= INDEX_RANGE[0]) & (x <= INDEX_RANGE[1])),
+    "cos_incidence": ("in (0, 1] (a cosine, not an angle)", lambda x: (x > 0) & (x <= 1)),
+    "cos_viewing": ("in (0, 1] (a cosine, not an angle)", lambda x: (x > 0) & (x <= 1)),
+}
+
+
+def _concrete(value: _ArrayLike) -> np.ndarray | None:
+    """The value as a numpy array, or None while it is traced by jit or vmap."""
+    try:
+        return np.asarray(jax.lax.stop_gradient(value))
+    except jax.errors.TracerArrayConversionError:
+        return None
+
+
+def _check(inputs: _Inputs, tolerance: float, method: str) -> None:
+    if method not in get_args(Method):
+        raise ValueError(f"method {method!r} is unknown; use one of {', '.join(map(repr, get_args(Method)))}")
+    if not 0 < tolerance < 1:
+        raise ValueError(f"tolerance is {tolerance}; it must be between 0 and 1, such as 1e-6")
+    for name, value in inputs._asdict().items():
+        known = None if value is None else _concrete(value)
+        if known is None:
+            continue
+        words, test = _RANGES[name]
+        good = test(known)
+        if not np.all(good):
+            raise ValueError(f"{name} holds {known[~good].flat[0]}; it must be {words}")
+
+
+def _evaluate(inputs: _Inputs, tolerance: float, method: str) -> Array:
+    _check(inputs, tolerance, method)
+    dtype = jnp.result_type(float)
+    albedo, thickness = jnp.asarray(inputs.albedo, dtype), jnp.asarray(inputs.optical_thickness, dtype)
+    if albedo.ndim == 0 or thickness.ndim == 0:
+        raise ValueError("albedo and optical_thickness need a last axis of layers; a single layer is [q]")
+    layers = (albedo.shape[-1], thickness.shape[-1])
+    if layers[0] != layers[1] and 1 not in layers:
+        raise ValueError(f"albedo has {layers[0]} layers (last axis) but optical_thickness has {layers[1]}")
+    count = max(layers) if 0 not in layers else 0
+    if count == 0:  # A bare ground is the ground under an empty layer.
+        albedo, thickness, count = jnp.zeros((1,), dtype), jnp.zeros((1,), dtype), 1
+    names = ("substrate_reflectance", "refractive_index", "cos_incidence", "cos_viewing")
+    rest = {name: jnp.asarray(v, dtype) for name in names if (v := getattr(inputs, name)) is not None}
+    shapes = {"albedo": albedo.shape[:-1], "optical_thickness": thickness.shape[:-1]}
+    shapes |= {name: array.shape for name, array in rest.items()}
+    try:
+        batch = jnp.broadcast_shapes(*shapes.values())
+    except ValueError:
+        listing = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
+        raise ValueError(f"batch shapes do not broadcast: {listing} (layers, the last axis, not counted)") from None
+    size = int(np.prod(batch))
+
+    def flat(array: Array) -> Array:
+        return jnp.broadcast_to(array, batch).reshape(size)
+
+    def flat_layers(array: Array) -> Array:
+        return jnp.broadcast_to(array, (*batch, count)).reshape(size, count)
+
+    index = _concrete(inputs.refractive_index)
+    fixed = isinstance(inputs.refractive_index, int | float | np.floating | np.integer)
+    low, high = INDEX_RANGE if index is None or index.size == 0 else (float(index.min()), float(index.max()))
+    floor = 1e-5 if dtype == jnp.float32 else 0.0
+    resolution = resolve(max(tolerance, floor), low, high)
+    nodes = resolution.cone + resolution.total
+    bytes_each = (count + 3) * nodes**2 * dtype.itemsize
+    options = _Options(
+        resolution, float(inputs.refractive_index) if fixed else None, max(16, _CHUNK_BYTES // bytes_each)
+    )
+    stack = Stack(
+        flat_layers(albedo),
+        flat_layers(thickness),
+        flat(rest["substrate_reflectance"]),
+        None if fixed else flat(rest["refractive_index"]),
+        flat(rest["cos_incidence"]),
+        None if inputs.cos_viewing is None else flat(rest["cos_viewing"]),
+    )
+    return _run(stack, options).reshape(batch)
+
+
+@functools.partial(jax.jit, static_argnums=1)
+def _run(stack: Stack, options: _Options) -> Array:
+    return _reflectance(stack, options)
+
+
+@functools.partial(jax.custom_jvp, nondiff_argnums=(1,))
+def _reflectance(stack: Stack, options: _Options) -> Array:
+    def one(chunk: Stack) -> Array:
+        return ordinates.reflectance(_with_index(chunk, options), options.resolution)
+
+    return _in_chunks(one, stack, options.chunk)
+
+
+def _reflectance_jvp(options: _Options, primals, tangents):
+    """Derivatives by the stationary form: the gradient of each stack comes with its value, chunk by chunk.
+
+    Only what is differentiated by is computed, and nothing but the gradient itself is kept for a reverse pass.
+    """
+    (stack,), (d_stack,) = primals, tangents
+    wanted = Stack(*(leaf is not None and not isinstance(leaf, SymbolicZero) for leaf in d_stack))
+
+    def one(chunk: Stack) -> tuple[Array, Stack]:
+        given = _with_index(chunk, options)
+        return ordinates.reflectance_and_gradient(given, options.resolution, wanted)
+
+    value, gradient = _in_chunks(one, stack, options.chunk)
+    tangent = jnp.zeros_like(value)
+    for slope, change in zip(gradient, d_stack, strict=True):
+        if slope is not None:
+            tangent += jnp.sum((slope * change).reshape(*value.shape, -1), axis=-1)
+    return value, tangent
+
+
+_reflectance.defjvp(_reflectance_jvp, symbolic_zeros=True)
+
+
+def _with_index(stack: Stack, options: _Options) -> Stack:
+    return stack if options.refractive_index is None else stack._replace(refractive_index=options.refractive_index)
+
+
+def _in_chunks(function: Callable, stack: Stack, chunk: int):
+    """Apply to at most `chunk` stacks at a time, so that memory stays bounded whatever the batch."""
+    size = stack.albedo.shape[0]
+    if size <= chunk:
+        return function(stack)
+    pieces = -(-size // chunk)
+    chunk = -(-size // pieces)
+    spare = pieces * chunk - size
+
+    def split(leaf: Array) -> Array:
+        # The last piece is filled up with copies of the first stack, which are dropped again.
+        padded = jnp.concatenate([leaf, jnp.broadcast_to(leaf[:1], (spare, *leaf.shape[1:]))]) if spare else leaf
+        return padded.reshape(pieces, chunk, *leaf.shape[1:])
+
+    out = jax.lax.map(function, jax.tree.map(split, stack))
+    return jax.tree.map(lambda leaf: leaf.reshape(pieces * chunk, *leaf.shape[2:])[:size], out)
