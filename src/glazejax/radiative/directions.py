@@ -8,11 +8,11 @@ towards grazing directions.
 
 from typing import NamedTuple
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from glazejax.radiative.fresnel import dielectric_reflectance
+from glazejax.radiative.fresnel import array_module, dielectric_reflectance
 
 
 class Resolution(NamedTuple):
@@ -33,13 +33,13 @@ class Directions(NamedTuple):
 
 
 def graded_gauss(count: int, grading: float) -> tuple[np.ndarray, np.ndarray]:
-    """Gauss-Legendre nodes and weights on [0, 1] under x = (e^(c y^2) - 1)/(e^c - 1), x = y for c < 0.
+    """Gauss-Legendre nodes (descending) and weights on [0, 1] under x = (e^(c y^2) - 1)/(e^c - 1), x = y for c < 0.
 
     The map crowds nodes at zero as y^2 does and spreads them out less at one; it was chosen for the smallest
     largest error of int_0^1 x e^(-D/x) dx over all D (`python -m benchmarks.calibrate_directions`).
     """
     y, w = np.polynomial.legendre.leggauss(count)
-    y, w = 0.5 * (y + 1.0), 0.5 * w
+    y, w = 0.5 * (1.0 - y), 0.5 * w  # descending
     if grading < 0:
         return y, w
     if grading == 0:
@@ -48,34 +48,32 @@ def graded_gauss(count: int, grading: float) -> tuple[np.ndarray, np.ndarray]:
     return np.expm1(grading * y**2) / scale, w * 2.0 * grading * y * np.exp(grading * y**2) / scale
 
 
-def half_range(refractive_index: float | Float[Array, "*batch"], resolution: Resolution, dtype) -> Directions:
+def half_range(refractive_index: float | Float[Array, "*batch"], resolution: Resolution) -> Directions:
     """Directions for media of index n under a smooth interface to air.
 
     Args:
-        refractive_index: n >= 1, scalar or (...). Differentiable.
+        refractive_index: n >= 1, a number (the result is then numpy, double precision) or a JAX array (...), by
+            which the result can be differentiated.
         resolution: node counts and grading, static.
-        dtype: floating type of the result.
 
     Returns:
         `Directions`, arrays (..., cone + total).
     """
-    n = jnp.asarray(refractive_index, dtype)[..., None]
-    y, w = graded_gauss(resolution.cone, resolution.cone_grading)
-    order = np.argsort(-y)
-    outside, w_outside = jnp.asarray(y[order], dtype), jnp.asarray(w[order], dtype)
+    xp = array_module(refractive_index)
+    n = refractive_index[..., None] if isinstance(refractive_index, jax.Array) else np.float64(refractive_index)
+    outside, w_outside = graded_gauss(resolution.cone, resolution.cone_grading)
     excess = (n - 1.0) * (n + 1.0)
-    cosines = jnp.sqrt(excess + outside**2) / n
+    cosines = xp.sqrt(excess + outside**2) / n
     weights = w_outside * outside / (n * n * cosines)
     reflectance = dielectric_reflectance(outside, n)
     if resolution.total:
         # At n = 1 the totally reflected part is empty; a sliver keeps 1/mu finite where n is an array.
-        critical = jnp.sqrt(jnp.maximum(excess, 1e-10)) / n
+        critical = xp.sqrt(xp.maximum(excess, 1e-10)) / n
         y, w = graded_gauss(resolution.total, resolution.total_grading)
-        order = np.argsort(-y)
-        cosines = jnp.concatenate([cosines, critical * jnp.asarray(y[order], dtype)], axis=-1)
-        weights = jnp.concatenate([weights, critical * jnp.asarray(w[order], dtype)], axis=-1)
-        beyond = jnp.broadcast_to(jnp.where(n > 1.0, 1.0, 0.0), (*n.shape[:-1], resolution.total))
-        reflectance = jnp.concatenate([reflectance, beyond.astype(dtype)], axis=-1)
+        cosines = xp.concatenate([cosines, critical * y], axis=-1)
+        weights = xp.concatenate([weights, critical * w], axis=-1)
+        beyond = xp.where(n > 1.0, 1.0, 0.0) * xp.ones(resolution.total)
+        reflectance = xp.concatenate([reflectance, beyond], axis=-1)
     return Directions(cosines, conserve(cosines, weights), reflectance)
 
 
@@ -86,7 +84,7 @@ def conserve(cosines: Float[Array, "*batch n"], weights: Float[Array, "*batch n"
     """
 
     def moment(power):
-        return jnp.sum(weights * cosines**power, axis=-1)
+        return array_module(weights).sum(weights * cosines**power, axis=-1)
 
     m0, m1, m2 = moment(0), moment(1), moment(2)
     miss0, miss1 = 1.0 - m0, 0.5 - m1

@@ -10,16 +10,19 @@ solved here for the offset r_j = (d_j - lambda_j)/q, which keeps its relative ac
 0 and 1 included. Eigenvectors follow in closed form. For a fixed set of directions r_j depends on q alone.
 """
 
+import functools
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
-# The two-pole iteration converges quadratically from either side; seven give 1e-15 for
-# 40 directions.
+# The two-pole iteration converges quadratically from either side; seven give 1e-15 for 40 directions.
 _ITERATIONS = 7
+# A table of this relative accuracy leaves one Newton step to rounding.
+_TABLE_ACCURACY = 1e-8
 
 
 class Modes(NamedTuple):
@@ -84,29 +87,82 @@ def secular_offsets(albedo, poles, strengths, *, xp=jnp):
     return r
 
 
+@functools.lru_cache(maxsize=64)
+def _table(key: bytes) -> np.ndarray:
+    """Chebyshev coefficients in 2q - 1 of r_j(q)/z_j^2 for one set of directions, (terms, n)."""
+    cosines, weights = np.frombuffer(key).reshape(2, -1)
+    poles, strengths = 1.0 / cosines**2, weights / cosines**2
+    terms = 16
+    while True:
+        x = np.cos(np.pi * (np.arange(terms) + 0.5) / terms)
+        values = secular_offsets(0.5 * (x + 1.0), poles, strengths, xp=np) / strengths
+        coefficients = np.polynomial.chebyshev.chebfit(x, values, terms - 1)
+        if np.max(np.abs(coefficients[-3:])) < _TABLE_ACCURACY or terms >= 128:
+            return coefficients
+        terms += 8
+
+
+def _from_table(albedo: Array, poles: np.ndarray, strengths: np.ndarray, table: np.ndarray) -> Array:
+    """Clenshaw's sum of the table and one Newton step on the secular equation."""
+    x = 2.0 * albedo[..., None] - 1.0
+    b1 = b2 = jnp.zeros((*albedo.shape, poles.size), albedo.dtype)
+    for row in table[:0:-1].astype(albedo.dtype):
+        b1, b2 = row + 2.0 * x * b1 - b2, b1
+    r = strengths.astype(albedo.dtype) * (table[0].astype(albedo.dtype) + x * b1 - b2)
+    q = albedo[..., None]
+    # Here [j, i]: the sum over poles runs along the last, contiguous axis.
+    difference = _pole_differences(poles).T.astype(albedo.dtype)
+    off_diagonal = ~np.eye(poles.size, dtype=bool)
+    masked = np.where(off_diagonal, strengths, 0.0).astype(albedo.dtype)
+    ratio = masked / jnp.where(off_diagonal, difference + (q * r)[..., None], 1.0)
+    rest = 1.0 - q * jnp.sum(ratio, axis=-1)
+    slope = q * q * jnp.sum(ratio * ratio / strengths.astype(albedo.dtype), axis=-1)
+    z2 = strengths.astype(albedo.dtype)
+    # Newton for z^2/r = rest(r), in the form that keeps r positive.
+    return r + (z2 - r * rest) * r / (z2 + slope * r * r)
+
+
 @jax.custom_jvp
-def _offsets(albedo: Array, poles: Array, strengths: Array) -> Array:
-    return secular_offsets(albedo, poles, strengths)
+def _implicit(root: Array, albedo: Array, poles: Array, strengths: Array) -> Array:
+    """The root as it is, with the derivative of the secular equation it solves."""
+    return root
 
 
-@_offsets.defjvp
-def _offsets_jvp(primals, tangents):
-    """Implicit differentiation of the secular equation, so that no iteration is differentiated."""
-    albedo, poles, strengths = primals
-    d_albedo, d_poles, d_strengths = tangents
-    r = _offsets(albedo, poles, strengths)
+def _implicit_jvp(primals, tangents):
+    """Implicit differentiation, so that no iteration is differentiated."""
+    root, albedo, poles, strengths = primals
+    _, d_albedo, d_poles, d_strengths = tangents
+    r = _implicit(root, albedo, poles, strengths)
     q = albedo[..., None]
     off_diagonal = ~np.eye(poles.shape[-1], dtype=bool)
     difference = _pole_differences(poles)
     denominator = jnp.where(off_diagonal, difference + (q * r)[..., None, :], 1.0)
     slope = jnp.where(off_diagonal, strengths[..., :, None] / denominator**2, 0.0)
     by_r = -strengths / r**2 - q * q * jnp.sum(slope, axis=-2)
-    by_albedo = jnp.sum(slope * difference, axis=-2)
-    by_strengths = jnp.where(off_diagonal, q[..., None] / denominator, 0.0)
-    residual = by_albedo * d_albedo[..., None]
-    residual += d_strengths / r + jnp.sum(by_strengths * d_strengths[..., :, None], axis=-2)
-    residual -= q * jnp.sum(slope * _pole_differences(d_poles), axis=-2)
+    residual = jnp.zeros_like(r)
+    if not isinstance(d_albedo, SymbolicZero):
+        residual += jnp.sum(slope * difference, axis=-2) * d_albedo[..., None]
+    if not isinstance(d_strengths, SymbolicZero):
+        by_strengths = jnp.where(off_diagonal, q[..., None] / denominator, 0.0)
+        residual += d_strengths / r + jnp.sum(by_strengths * d_strengths[..., :, None], axis=-2)
+    if not isinstance(d_poles, SymbolicZero):
+        residual -= q * jnp.sum(slope * _pole_differences(d_poles), axis=-2)
     return r, -residual / by_r
+
+
+_implicit.defjvp(_implicit_jvp, symbolic_zeros=True)
+
+
+def _offsets(albedo: Array, cosines: Array, weights: Array) -> Array:
+    poles = 1.0 / cosines**2
+    strengths = weights * poles
+    if isinstance(cosines, np.ndarray):
+        table = _table(np.stack([cosines, weights]).tobytes())
+        root = _from_table(jax.lax.stop_gradient(albedo), poles, strengths, table)
+    else:
+        root = secular_offsets(*jax.lax.stop_gradient((albedo, poles, strengths)))
+    poles, strengths = jnp.asarray(poles, albedo.dtype), jnp.asarray(strengths, albedo.dtype)
+    return _implicit(root, albedo, poles, strengths)
 
 
 def layer_modes(
@@ -116,23 +172,21 @@ def layer_modes(
 
     Args:
         albedo: q in [0, 1], (...).
-        cosines: mu in (0, 1], descending, (..., n).
+        cosines: mu in (0, 1], descending, (..., n). A numpy array (n,) is the fast path: its roots are tabulated.
         weights: quadrature weights, positive, with sum w = 1, (..., n).
 
     Returns:
         `Modes`, arrays (..., n), (..., n, n), (..., n).
     """
     n = cosines.shape[-1]
+    r = _offsets(albedo, cosines, weights)
+    cosines, weights = jnp.asarray(cosines, albedo.dtype), jnp.asarray(weights, albedo.dtype)
     poles = 1.0 / cosines**2
-    strengths = weights * poles
-    poles = jnp.broadcast_to(poles, (*albedo.shape, n))
-    strengths = jnp.broadcast_to(strengths, poles.shape)
-    r = _offsets(albedo, poles, strengths)
+    z = jnp.sqrt(weights) / cosines
     q = albedo[..., None]
     off_diagonal = ~np.eye(n, dtype=bool)
     offsets = q * r
     denominator = jnp.where(off_diagonal, _pole_differences(poles) + offsets[..., None, :], 1.0)
-    z = jnp.sqrt(strengths)
     columns = jnp.where(off_diagonal, (q[..., None] * z[..., :, None]) / denominator, 0.0)
     columns += jnp.eye(n, dtype=z.dtype) * (z / r)[..., None, :]
     # The secular equation says z . column = 1, so the coupling is the column's normalisation itself.

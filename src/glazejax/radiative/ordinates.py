@@ -115,14 +115,14 @@ def _medium(stack: Stack, directions: Directions) -> Medium:
     albedo, thickness = stack.albedo.T, stack.optical_thickness.T
     modes = layer_modes(albedo, directions.cosines, directions.weights)
     argument = modes.decay_squared * (thickness**2)[..., None]
-    mu, r = directions.cosines, directions.reflectance
+    mu, weights, r = (jnp.asarray(a, albedo.dtype) for a in directions)
     return Medium(
         modes,
         thickness[..., None] * tanhc_sqrt(argument),
         sech_sqrt(argument),
         (1.0 - r) / ((1.0 + r) * mu),
         1.0 / mu,
-        jnp.sqrt(directions.weights),
+        jnp.sqrt(weights),
         4.0 * stack.ground / (1.0 + stack.ground),
     )
 
@@ -174,7 +174,7 @@ def _beam_load(medium: Medium, beam: Beam, driven: _Driven, albedo: Array) -> Lo
 
 def _diffuse_load(medium: Medium, directions: Directions, shape: tuple[int, ...]) -> Load:
     """Load whose product with a field is the flux that leaves through the interface."""
-    r = directions.reflectance
+    r = jnp.asarray(directions.reflectance, medium.tanh.dtype)
     top = jnp.broadcast_to(medium.ground_vector * (1.0 - r) / (1.0 + r), shape[1:])
     empty = jnp.zeros(shape, top.dtype)
     return Load(top, empty, empty, jnp.zeros_like(top))
@@ -279,7 +279,7 @@ class _Parts(NamedTuple):
 
 def _parts(stack: Stack, resolution: Resolution) -> _Parts:
     n = stack.refractive_index
-    directions = half_range(n, resolution, stack.albedo.dtype)
+    directions = half_range(n, resolution)
     medium = _medium(stack, directions)
     albedo, thickness = stack.albedo.T, stack.optical_thickness.T
     beam = _beam(stack, stack.cos_incidence)
