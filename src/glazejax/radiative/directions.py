@@ -16,12 +16,14 @@ from glazejax.radiative.fresnel import array_module, dielectric_reflectance
 
 
 class Resolution(NamedTuple):
-    """How many nodes each part of the half range gets, and how strongly they crowd towards grazing."""
+    """How many nodes each part of the half range gets; static."""
 
     cone: int
+    """Nodes that can leave, in the outside cosine."""
     total: int
-    cone_grading: float
-    total_grading: float
+    """Totally reflected nodes; 0 only for an index of exactly one."""
+    crowded: bool
+    """Whether the cone's nodes crowd towards grazing too: needed as the index nears one."""
 
 
 class Directions(NamedTuple):
@@ -32,20 +34,29 @@ class Directions(NamedTuple):
     reflectance: Array  # (..., n), internal Fresnel reflectance R(mu)
 
 
-def graded_gauss(count: int, grading: float) -> tuple[np.ndarray, np.ndarray]:
-    """Gauss-Legendre nodes (descending) and weights on [0, 1] under x = (e^(c y^2) - 1)/(e^c - 1), x = y for c < 0.
+# Crowding c of n = 2, 3, ... graded nodes that makes the largest error of int_0^1 x e^(-D/x) dx over all D, the
+# slowest integral of a thin layer, smallest (`python -m benchmarks.calibrate_directions` prints the search).
+_CROWDING = (0.0, 0.3, 0.6, 1.1, 1.4, 1.7, 2.0, 2.2, 2.4, 2.6, 2.8, 3.0, 3.1, 3.3, 3.5, 3.6, 3.8, 3.9, 4.1, 4.2, 4.4, 4.5, 4.6)
 
-    The map crowds nodes at zero as y^2 does and spreads them out less at one; it was chosen for the smallest
-    largest error of int_0^1 x e^(-D/x) dx over all D (`python -m benchmarks.calibrate_directions`).
-    """
+
+def gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Gauss-Legendre nodes (descending) and weights on [0, 1]."""
     y, w = np.polynomial.legendre.leggauss(count)
-    y, w = 0.5 * (1.0 - y), 0.5 * w  # descending
-    if grading < 0:
-        return y, w
-    if grading == 0:
+    return 0.5 * (1.0 - y), 0.5 * w
+
+
+def graded_gauss(count: int, crowding: float | None = None) -> tuple[np.ndarray, np.ndarray]:
+    """Gauss nodes (descending) and weights on [0, 1] under x = (e^(c y^2) - 1)/(e^c - 1).
+
+    Near zero x goes as y^2, so nodes crowd at grazing directions; towards one they spread out less than under y^2.
+    ``crowding`` is c, by default the best one for the count.
+    """
+    y, w = gauss(count)
+    c = _CROWDING[min(max(count, 2) - 2, len(_CROWDING) - 1)] if crowding is None else crowding
+    if c == 0:
         return y**2, w * 2.0 * y
-    scale = np.expm1(grading)
-    return np.expm1(grading * y**2) / scale, w * 2.0 * grading * y * np.exp(grading * y**2) / scale
+    scale = np.expm1(c)
+    return np.expm1(c * y**2) / scale, w * 2.0 * c * y * np.exp(c * y**2) / scale
 
 
 def half_range(refractive_index: float | Float[Array, "*batch"], resolution: Resolution) -> Directions:
@@ -54,22 +65,24 @@ def half_range(refractive_index: float | Float[Array, "*batch"], resolution: Res
     Args:
         refractive_index: n >= 1, a number (the result is then numpy, double precision) or a JAX array (...), by
             which the result can be differentiated.
-        resolution: node counts and grading, static.
+        resolution: node counts, static.
 
     Returns:
         `Directions`, arrays (..., cone + total).
     """
     xp = array_module(refractive_index)
     n = refractive_index[..., None] if isinstance(refractive_index, jax.Array) else np.float64(refractive_index)
-    outside, w_outside = graded_gauss(resolution.cone, resolution.cone_grading)
+    outside, w_outside = graded_gauss(resolution.cone) if resolution.crowded else gauss(resolution.cone)
     excess = (n - 1.0) * (n + 1.0)
+    if resolution.total:
+        # At n = 1 the totally reflected part is empty; a sliver keeps 1/mu finite where n is an array.
+        excess = xp.maximum(excess, 1e-18 if excess.dtype == np.float64 else 1e-11)
     cosines = xp.sqrt(excess + outside**2) / n
     weights = w_outside * outside / (n * n * cosines)
     reflectance = dielectric_reflectance(outside, n)
     if resolution.total:
-        # At n = 1 the totally reflected part is empty; a sliver keeps 1/mu finite where n is an array.
-        critical = xp.sqrt(xp.maximum(excess, 1e-10)) / n
-        y, w = graded_gauss(resolution.total, resolution.total_grading)
+        critical = xp.sqrt(excess) / n
+        y, w = graded_gauss(resolution.total)
         cosines = xp.concatenate([cosines, critical * y], axis=-1)
         weights = xp.concatenate([weights, critical * w], axis=-1)
         beyond = xp.where(n > 1.0, 1.0, 0.0) * xp.ones(resolution.total)

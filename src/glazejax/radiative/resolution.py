@@ -1,9 +1,51 @@
 """From the accuracy asked for to the number of directions."""
 
+from typing import NamedTuple
+
 from glazejax.radiative.directions import Resolution
+
+# Below this index the internal reflectance rises within a sliver of directions above the critical angle.
+_NEAR_ONE = 1.07
+
+
+class _Row(NamedTuple):
+    tolerance: float
+    cone: int
+    total: int
+    near_cone: int  # for indices between 1 and 1.07, and where the index is not known
+    single: int  # for an index of exactly 1
+
+
+# Worst errors of each row: `python -m benchmarks.calibrate_directions`.
+_ROWS = (
+    _Row(1e-2, 3, 3, 4, 4),
+    _Row(1e-3, 4, 5, 6, 5),
+    _Row(1e-4, 5, 6, 8, 7),
+    _Row(1e-5, 6, 8, 11, 8),
+    _Row(1e-6, 7, 9, 12, 10),
+    _Row(1e-7, 8, 12, 14, 12),
+    _Row(1e-8, 9, 15, 17, 15),
+    _Row(1e-9, 11, 17, 20, 17),
+    _Row(1e-10, 12, 20, 23, 20),
+)
 
 
 def resolve(tolerance: float, lowest_index: float, highest_index: float) -> Resolution:
+    """Directions that keep the absolute error of either reflectance below the tolerance.
+
+    A span that reaches down to one, such as that of a traced index, gets directions good for all of it.
+
+    Args:
+        tolerance: absolute error wanted; anything below 1e-10 gets the directions for 1e-10.
+        lowest_index: smallest refractive index of the batch.
+        highest_index: largest one.
+
+    Returns:
+        `Resolution`, the first row of the table that is fine enough.
+    """
+    row = next((row for row in _ROWS if row.tolerance <= tolerance * (1 + 1e-9)), _ROWS[-1])
     if highest_index == 1.0:
-        return Resolution(12, 0, 3.0, 1.0)
-    return Resolution(6, 8, -1.0, 2.0)
+        return Resolution(row.single, 0, crowded=True)
+    if lowest_index < _NEAR_ONE:
+        return Resolution(row.near_cone, row.total, crowded=True)
+    return Resolution(row.cone, row.total, crowded=False)

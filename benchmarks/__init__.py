@@ -1,0 +1,1 @@
+"""Benchmarks: each script prints a table; run as `python -m benchmarks.NAME`."""

@@ -1,0 +1,76 @@
+"""Stacks for the solver's tests: the shared reference values, padded to one shape, and edge values."""
+
+import json
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+LAYERS = 5
+EDGE_ALBEDO = (0.0, 1e-300, 0.3, 1 - 1e-15, 1.0)
+EDGE_THICKNESS = (0.0, 1e-12, 1e-6, 0.1, 3.0, 1e3, 1e6)
+EDGE_GROUND = (0.0, 0.5, 1.0)
+EDGE_COSINE = (1e-4, 1e-2, 0.5, 1.0)
+
+
+class Cases(NamedTuple):
+    """Stacks of one refractive index, empty layers below filling up to five (which changes nothing: tested)."""
+
+    albedo: np.ndarray
+    optical_thickness: np.ndarray
+    ground: np.ndarray
+    cos_incidence: np.ndarray
+    cos_viewing: np.ndarray
+    reflectance_factor: np.ndarray
+    hemispherical_reflectance: np.ndarray
+    uncertainty: np.ndarray
+
+
+def reference_cases(folder: Path) -> dict[float, Cases]:
+    """The shared values by refractive index."""
+    entries = json.loads((folder / "isotropic_stacks.json").read_text())
+    by_index: dict[float, list[dict]] = {}
+    for entry in entries:
+        by_index.setdefault(entry["refractive_index"], []).append(entry)
+
+    def padded(values: list[float]) -> list[float]:
+        return values + [0.0] * (LAYERS - len(values))
+
+    def column(group: list[dict], key: str) -> np.ndarray:
+        return np.array([entry[key] for entry in group])
+
+    return {
+        index: Cases(
+            np.array([padded(e["albedo"]) for e in group]),
+            np.array([padded(e["optical_thickness"]) for e in group]),
+            column(group, "substrate_reflectance"),
+            column(group, "cos_incidence"),
+            column(group, "cos_viewing"),
+            column(group, "reflectance_factor"),
+            column(group, "hemispherical_reflectance"),
+            column(group, "uncertainty"),
+        )
+        for index, group in by_index.items()
+    }
+
+
+def random_cases(count: int, seed: int = 0) -> tuple[np.ndarray, ...]:
+    """albedo, optical thickness (count, 5), ground, two cosines (count,): nothing extreme."""
+    rng = np.random.default_rng(seed)
+    shape = (count, LAYERS)
+    return (
+        rng.uniform(0, 1, shape),
+        10 ** rng.uniform(-2, 1, shape),
+        rng.uniform(0, 1, count),
+        rng.uniform(0.05, 1, count),
+        rng.uniform(0.05, 1, count),
+    )
+
+
+# Central and one-sided eight-point differences, exact to eighth order; nodes and weights of f'(0).
+CENTRAL = (
+    np.array([-4, -3, -2, -1, 1, 2, 3, 4.0]),
+    np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 4 / 5, -1 / 5, 4 / 105, -1 / 280]),
+)
+_forward = np.arange(9.0)
+FORWARD = (_forward, np.linalg.solve(np.vander(_forward, increasing=True).T, np.eye(9)[1]))

@@ -1,0 +1,125 @@
+"""Both reflectances against values and closed forms that this program had no part in."""
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+from scipy.special import expn
+
+from glazejax import stack_hemispherical_reflectance, stack_reflectance_factor
+from glazejax.radiative.fresnel import dielectric_reflectance
+
+from .cases import random_cases, reference_cases
+
+
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-4, 1e-6, 1e-8])
+def test_reference_values_within_the_tolerance(shared_reference, tolerance):
+    for index, c in reference_cases(shared_reference).items():
+        given = {"refractive_index": index, "cos_incidence": c.cos_incidence, "tolerance": tolerance}
+        stack = c.albedo, c.optical_thickness, c.ground
+        factor = stack_reflectance_factor(*stack, cos_viewing=c.cos_viewing, **given)
+        flux = stack_hemispherical_reflectance(*stack, **given)
+        assert np.all(np.abs(factor - c.reflectance_factor) <= tolerance + c.uncertainty), index
+        assert np.all(np.abs(flux - c.hemispherical_reflectance) <= tolerance + c.uncertainty), index
+
+
+@pytest.mark.parametrize("index", [1.0, 1.5])
+def test_traced_index_agrees_with_known_index(index):
+    q, d, ground, ci, cv = random_cases(50)
+    given = {"cos_incidence": ci, "cos_viewing": cv, "tolerance": 1e-8}
+    known = stack_reflectance_factor(q, d, ground, refractive_index=index, **given)
+    spread = np.full(50, index)
+    spread[::2] = 1.8
+    mixed = stack_reflectance_factor(q, d, ground, refractive_index=spread, **given)
+    assert np.allclose(mixed[1::2], known[1::2], atol=2e-8, rtol=0)
+
+
+def test_thick_layer_is_the_half_space_of_chandrasekhar():
+    def h_function(mu, q):
+        # Explicit integral for isotropic scattering (Stibbs & Weir, MNRAS 119, 1959, eq. 12).
+        def integrand(t):
+            return np.log1p(-q * t / np.tan(t)) / (np.cos(t) ** 2 + (mu * np.sin(t)) ** 2)
+
+        return np.exp(-mu / np.pi * quad(integrand, 0, np.pi / 2, epsabs=1e-13, epsrel=1e-13, limit=200)[0])
+
+    for q in (0.1, 0.6, 0.95, 0.999):
+        for mu_i, mu_v in ((1.0, 0.3), (0.2, 0.7)):
+            h_i, h_v = h_function(mu_i, q), h_function(mu_v, q)
+            given = {"refractive_index": 1.0, "cos_incidence": mu_i, "tolerance": 1e-9}
+            factor = stack_reflectance_factor([q], [1e5], 0.7, cos_viewing=mu_v, **given)
+            flux = stack_hemispherical_reflectance([q], [1e5], 0.7, **given)
+            assert factor == pytest.approx(q / 4 * h_i * h_v / (mu_i + mu_v), abs=2e-9)
+            assert flux == pytest.approx(1 - h_i * np.sqrt(1 - q), abs=2e-9)
+
+
+@pytest.mark.parametrize("index", [1.0, 1.33, 1.5, 2.5])
+def test_without_scattering_the_closed_form(index):
+    for depth in (0.0, 0.03, 0.7, 4.0):
+        for ground in (0.2, 1.0):
+            mu_i, mu_v = 0.9, 0.4
+            critical = np.sqrt(1 - 1 / index**2)
+
+            def cone(mu, index=index, depth=depth):
+                outside = np.sqrt(max(1 - index**2 * (1 - mu**2), 0.0))
+                return mu * float(dielectric_reflectance(outside, index)) * np.exp(-2 * depth / mu)
+
+            beyond = critical**2 * expn(3, 2 * depth / critical) if critical > 0 else 0.0
+            again = 2 * (quad(cone, critical, 1, epsabs=1e-12, limit=200)[0] + beyond)
+            inside = [np.sqrt(1 - (1 - mu**2) / index**2) for mu in (mu_i, mu_v)]
+            enter = [1 - float(dielectric_reflectance(mu, index)) for mu in (mu_i, mu_v)]
+            down = enter[0] * np.exp(-depth / inside[0]) * ground / (1 - ground * again)
+            exact = down * enter[1] / index**2 * np.exp(-depth / inside[1])
+            given = {"refractive_index": index, "cos_incidence": mu_i, "cos_viewing": mu_v}
+            # Three layers that only absorb, one of them empty.
+            split = [0.25 * depth, 0.0, 0.75 * depth]
+            found = stack_reflectance_factor([0.0, 0.0, 0.0], split, ground, tolerance=1e-8, **given)
+            assert found == pytest.approx(exact, abs=1e-8)
+
+
+@pytest.mark.parametrize("index", [1.0, 1.5, 2.5])
+def test_nothing_is_lost_without_absorption(index):
+    for depth in (0.0, 1e-12, 0.3, 5.0, 1e3, 1e6):
+        for cos in (1e-4, 0.3, 1.0):
+            given = {"refractive_index": index, "cos_incidence": cos, "tolerance": 1e-4}
+            flux = stack_hemispherical_reflectance([1.0, 1.0], [depth, 0.5], 1.0, **given)
+            assert flux + dielectric_reflectance(cos, index) == pytest.approx(1.0, abs=1e-10)
+
+
+def test_reciprocity():
+    q, d, ground, ci, cv = random_cases(200, seed=1)
+    for tolerance in (1e-3, 1e-8):
+        there = stack_reflectance_factor(q, d, ground, cos_incidence=ci, cos_viewing=cv, tolerance=tolerance)
+        back = stack_reflectance_factor(q, d, ground, cos_incidence=cv, cos_viewing=ci, tolerance=tolerance)
+        assert np.max(np.abs(there - back)) < 1e-12
+
+
+def test_splitting_a_layer_or_inserting_an_empty_one_changes_nothing():
+    rng = np.random.default_rng(2)
+    q, d = rng.uniform(0, 1, (100, 2)), 10 ** rng.uniform(-2, 1, (100, 2))
+    ground, cos = rng.uniform(0, 1, 100), rng.uniform(0.05, 1, 100)
+    share = rng.uniform(0, 1, 100)
+    zero = np.zeros(100)
+    split_q = np.stack([q[:, 0], q[:, 0], q[:, 1]], axis=1)
+    split_d = np.stack([share * d[:, 0], (1 - share) * d[:, 0], d[:, 1]], axis=1)
+    empty_q = np.stack([q[:, 0], share, q[:, 1]], axis=1)
+    empty_d = np.stack([d[:, 0], zero, d[:, 1]], axis=1)
+    for tolerance in (1e-4, 1e-8):
+        given = {"cos_incidence": cos, "tolerance": tolerance}
+        for solve in (stack_reflectance_factor, stack_hemispherical_reflectance):
+            whole = solve(q, d, ground, **given)
+            assert np.max(np.abs(solve(split_q, split_d, ground, **given) - whole)) < 1e-12
+            assert np.max(np.abs(solve(empty_q, empty_d, ground, **given) - whole)) < 1e-12
+
+
+def test_thin_layer_keeps_its_relative_accuracy():
+    # Single scattering of a thin layer over black: T T q D a b/(4 n^2), a and b the slant factors inside.
+    for depth in (1e-4, 1e-10, 1e-14):
+        found = stack_reflectance_factor([0.8], [depth], 0.0, refractive_index=1.5)
+        exact = 0.96**2 * 0.8 * depth / (4 * 1.5**2)
+        assert found == pytest.approx(exact, rel=max(1e-9, 20 * depth))
+
+
+def test_no_layers_is_the_bare_ground():
+    bare = stack_reflectance_factor(np.zeros((3, 0)), np.zeros((3, 0)), np.array([0.0, 0.5, 1.0]))
+    thin = stack_reflectance_factor([0.5], [0.0], np.array([0.0, 0.5, 1.0]))
+    assert np.array_equal(bare, thin)
+    assert bare[0] == 0
