@@ -1,0 +1,218 @@
+"""The words a painter types for a glaze, such as ``Eosin:5um x3, 0.7*ZincWhite+0.3*CobaltBlue:20um``.
+
+Nothing here knows optics: text becomes `Coat`s, and names become pigments of a shelf (any mapping).
+"""
+
+import difflib
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from .media import MAX_THICKNESS, Mixture, Pigment
+
+UNITS = {"nm": 1e-9, "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "mm": 1e-3, "m": 1.0}
+"""Metres in each unit of length; both Unicode letters for micro are understood."""
+
+_EXAMPLE = "such as UltramarineBlue:12um"
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_SIZE = re.compile(rf"^({_NUMBER})\s*([A-Za-zµμ]*)\s*(.*)$")
+_REPEATS = re.compile(r"^[x×]\s*(\S+)$", re.IGNORECASE)
+
+
+class Coat(NamedTuple):
+    """One entry of a description: a paint, how thick one coat of it is, and how many coats.
+
+    Attributes:
+        parts: (weight, name of a pigment), one for a pure paint.
+        thickness: of one coat, m.
+        repeats: number of equal coats, at least 1.
+    """
+
+    parts: tuple[tuple[float, str], ...]
+    thickness: float
+    repeats: int
+
+    @property
+    def name(self) -> str:
+        """What the paint is called, such as ``0.7 ZincWhite + 0.3 CobaltBlue``."""
+        if len(self.parts) == 1:
+            return self.parts[0][1]
+        return " + ".join(f"{weight:g} {name}" for weight, name in self.parts)
+
+    @property
+    def total(self) -> float:
+        """Thickness of all coats together, m."""
+        return self.thickness * self.repeats
+
+    @property
+    def size(self) -> str:
+        """Thickness in words, such as ``12 µm`` or ``3 x 5 µm``."""
+        one = format_length(self.thickness)
+        return one if self.repeats == 1 else f"{self.repeats} x {one}"
+
+
+def format_length(metres: float) -> str:
+    """A thickness in the unit that painters would use: nm below 0.1 µm, mm from 1 mm."""
+    if metres >= 1e-3:
+        return f"{metres * 1e3:.4g} mm"
+    return f"{metres * 1e6:.4g} µm" if metres >= 1e-7 or metres == 0 else f"{metres * 1e9:.4g} nm"
+
+
+def parse_layers(text: str) -> tuple[Coat, ...]:
+    """Read the description of a stack.
+
+    Args:
+        text: coats separated by commas, top first, each ``PAINT:THICKNESS`` with a unit (nm, um, µm, mm, m)
+            and optionally ``x3`` for three equal coats. PAINT is a name, or a mixture
+            ``0.7*ZincWhite+0.3*CobaltBlue`` with fractions that sum to 1. Blanks do not matter.
+
+    Returns:
+        At least one coat, top first. A thickness of 0 is legal: an absent coat.
+
+    Raises:
+        ValueError: text that does not read as above; the message quotes the entry and says what to write.
+    """
+    if not text.strip():
+        raise ValueError(f"the list of layers is empty: write coats from top to bottom, {_EXAMPLE}")
+    return tuple(_coat(entry.strip(), text) for entry in text.split(","))
+
+
+def _coat(entry: str, text: str) -> Coat:
+    if not entry:
+        raise ValueError(f"there is an empty layer in {text!r}: remove the comma too many")
+    paint, colon, size = (piece.strip() for piece in entry.rpartition(":"))
+    if not colon:
+        hint = " (a decimal comma? write 12.5um)" if re.fullmatch(r"\d+\s*[A-Za-zµμ]+", entry) else ""
+        raise ValueError(f"layer {entry!r} has no thickness: write paint:thickness, {_EXAMPLE}{hint}")
+    if not paint:
+        raise ValueError(f"layer {entry!r} names no paint: write paint:thickness, {_EXAMPLE}")
+    if not size:
+        raise ValueError(f"layer {entry!r} has no thickness after the colon: write {paint}:12um")
+    thickness, repeats = _size(entry, size)
+    return Coat(_parts(entry, paint), thickness, repeats)
+
+
+def _size(entry: str, size: str) -> tuple[float, int]:
+    """Thickness in m and number of coats."""
+    match = _SIZE.match(size)
+    if match is None:
+        raise ValueError(f"layer {entry!r}: {size!r} is not a thickness: write a number and a unit, like 12um")
+    number, unit, rest = match.groups()
+    # In '12 x3' the unit is missing, and the x belongs to the repeats.
+    if unit.lower().startswith("x") and unit.lower() not in UNITS:
+        unit, rest = "", f"{unit}{rest}"
+    if not unit:
+        raise ValueError(f"layer {entry!r}: the thickness {number} has no unit: write {number}um, mm or nm")
+    if unit not in UNITS and unit.lower().removesuffix("x") in UNITS and unit.lower().endswith("x"):
+        unit, rest = unit[:-1], f"x{rest}"
+    scale = UNITS.get(unit, UNITS.get(unit.lower()))
+    if scale is None:
+        raise ValueError(f"layer {entry!r}: the unit {unit!r} is unknown: use um (or µm), mm, nm or m")
+    repeats = _count(entry, rest) if rest else 1
+    thickness = float(number) * scale
+    if thickness < 0:
+        raise ValueError(f"layer {entry!r}: the thickness {number}{unit} is negative: it must be 0 or more")
+    if not thickness * repeats <= MAX_THICKNESS:
+        raise ValueError(
+            f"layer {entry!r} is {format_length(thickness * repeats)} thick: at most "
+            f"{format_length(MAX_THICKNESS)} is possible; a glaze has some micrometres, written um"
+        )
+    return thickness, repeats
+
+
+def _count(entry: str, rest: str) -> int:
+    match = _REPEATS.match(rest)
+    if match is None:
+        raise ValueError(f"layer {entry!r}: cannot read {rest!r} after the thickness: repeats are written x3")
+    count = match.group(1)
+    if not count.isdecimal() or int(count) < 1:
+        raise ValueError(f"layer {entry!r}: the number of coats {count!r} must be a whole number from 1, as x3")
+    return int(count)
+
+
+def _parts(entry: str, paint: str) -> tuple[tuple[float, str], ...]:
+    """Weights and names of a paint or a mixture."""
+    terms = [term.strip() for term in paint.split("+")]
+    if len(terms) == 1 and "*" not in paint:
+        return ((1.0, paint),)
+    parts = []
+    for term in terms:
+        weight, star, name = (piece.strip() for piece in term.partition("*"))
+        if not star or not name or not re.fullmatch(_NUMBER, weight):
+            raise ValueError(f"layer {entry!r}: cannot read {term!r}: write mixtures as 0.7*ZincWhite+0.3*CobaltBlue")
+        if float(weight) < 0:
+            raise ValueError(f"layer {entry!r}: the fraction {weight} of {name} is negative")
+        parts.append((float(weight), name))
+    total = sum(weight for weight, _ in parts)
+    if abs(total - 1.0) > 1e-6:
+        raise ValueError(f"layer {entry!r}: fractions sum to {total:g}, not to 1: divide them by their sum")
+    return tuple(parts)
+
+
+def find_name(name: str, names: Iterable[str]) -> str:
+    """The one of `names` that is meant; case, blanks, hyphens and underscores do not matter.
+
+    Raises:
+        ValueError: none of them; the message lists the nearest.
+    """
+    known: dict[str, str] = {}
+    for full in names:
+        if full == name:
+            return full
+        known.setdefault(_plain(full), full)
+    key = _plain(name)
+    if key in known:
+        return known[key]
+    near = [full for plain, full in known.items() if len(key) > 2 and (key in plain or plain in key)][:4]
+    near = near or [known[k] for k in difflib.get_close_matches(key, known, n=4, cutoff=0.5)]
+    choice = f"the nearest are {', '.join(near)}" if near else "--list shows all names"
+    raise ValueError(f"there is no pigment {name!r}: {choice}")
+
+
+def _plain(name: str) -> str:
+    return re.sub(r"[\s_-]+", "", name).lower()
+
+
+def same_name(first: str, second: str) -> bool:
+    """Whether two names differ in case, blanks, hyphens and underscores at most."""
+    return _plain(first) == _plain(second)
+
+
+def name_paints(coats: Sequence[Coat], names: Iterable[str]) -> tuple[Coat, ...]:
+    """Coats whose parts carry the full names of pigments.
+
+    Raises:
+        ValueError: an unknown pigment; see `find_name`.
+    """
+    names = list(names)
+    return tuple(
+        coat._replace(parts=tuple((weight, find_name(name, names)) for weight, name in coat.parts)) for coat in coats
+    )
+
+
+def make_media(coats: Sequence[Coat], shelf: Mapping[str, Pigment]) -> list[Pigment | Mixture]:
+    """What each coat is made of, on the wavelengths of its pigments.
+
+    Raises:
+        KeyError: a pigment that the shelf does not have under that very name.
+        ValueError: pigments of one mixture on different wavelengths.
+    """
+    return [
+        shelf[coat.parts[0][1]]
+        if len(coat.parts) == 1
+        else Mixture([shelf[name] for _, name in coat.parts], [weight for weight, _ in coat.parts], coat.name)
+        for coat in coats
+    ]
+
+
+def describe_bands(wavelengths: Float[np.ndarray, "bands"], chosen: Bool[np.ndarray, "bands"]) -> str:
+    """The chosen bands as ranges, such as ``400-450, 620 nm``; empty if none is chosen."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], chosen, [False]]).astype(int)))
+    ranges = [
+        f"{wavelengths[a]:g}" if b - a == 1 else f"{wavelengths[a]:g}-{wavelengths[b - 1]:g}"
+        for a, b in zip(edges[::2], edges[1::2], strict=True)
+    ]
+    return f"{', '.join(ranges)} nm" if ranges else ""

@@ -1,0 +1,127 @@
+import numpy as np
+import pytest
+
+from glazejax import Mixture, Pigment
+from glazejax.describe import (
+    describe_bands,
+    find_name,
+    format_length,
+    make_media,
+    name_paints,
+    parse_layers,
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "thickness", "repeats"),
+    [
+        ("A:12um", 12e-6, 1),
+        ("A:12µm", 12e-6, 1),
+        ("A:12μm", 12e-6, 1),
+        (" A : 12 um ", 12e-6, 1),
+        ("A:0.012mm", 12e-6, 1),
+        ("A:1.2e-5m", 12e-6, 1),
+        ("A:12e3nm", 12e-6, 1),
+        ("A:12 UM", 12e-6, 1),
+        ("A:.5um", 0.5e-6, 1),
+        ("A:0um", 0.0, 1),
+        ("A:5um x3", 5e-6, 3),
+        ("A:5umx3", 5e-6, 3),
+        ("A:5 µm × 3", 5e-6, 3),
+        ("A:5um X3", 5e-6, 3),
+        ("A:10mm", 0.01, 1),
+    ],
+)
+def test_thickness_and_repeats(text, thickness, repeats):
+    (coat,) = parse_layers(text)
+    assert coat.name == "A"
+    assert coat.thickness == pytest.approx(thickness, rel=1e-12)
+    assert coat.repeats == repeats
+    assert coat.total == pytest.approx(thickness * repeats, rel=1e-12)
+
+
+def test_order_is_kept_and_mixtures_are_read():
+    top, below = parse_layers("Eosin:2um, 0.7*ZincWhite + .3 * CobaltBlue : 20um")
+    assert top.parts == ((1.0, "Eosin"),)
+    assert below.parts == ((0.7, "ZincWhite"), (0.3, "CobaltBlue"))
+    assert below.name == "0.7 ZincWhite + 0.3 CobaltBlue"
+
+
+def test_names_may_hold_blanks_digits_and_hyphens():
+    (coat,) = parse_layers("Viridian 44250-b:3um")
+    assert coat.name == "Viridian 44250-b"
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("", "the list of layers is empty"),
+        ("A", "layer 'A' has no thickness: write paint:thickness"),
+        ("A:12um,,B:2um", "an empty layer"),
+        ("A:12um,", "an empty layer"),
+        (":12um", "names no paint"),
+        ("A:", "has no thickness after the colon: write A:12um"),
+        ("A:12", "the thickness 12 has no unit: write 12um"),
+        ("A:12 x3", "the thickness 12 has no unit"),
+        ("A:12,5um", "the thickness 12 has no unit"),
+        ("A:12um,5um", "a decimal comma\\? write 12.5um"),
+        ("A:thick", "'thick' is not a thickness"),
+        ("A:nanum", "'nanum' is not a thickness"),
+        ("A:12in", "the unit 'in' is unknown"),
+        ("A:-3um", "the thickness -3um is negative"),
+        ("A:11mm", "is 11 mm thick: at most 10 mm"),
+        ("A:5mm x3", "is 15 mm thick: at most 10 mm"),
+        ("A:12m", "is 1.2e\\+04 mm thick"),
+        ("A:5um x0", "number of coats '0'"),
+        ("A:5um x2.5", "number of coats '2.5'"),
+        ("A:5um twice", "cannot read 'twice'"),
+        ("0.5*A+0.4*B:5um", "fractions sum to 0.9"),
+        ("0.5*A+B:5um", "cannot read 'B'"),
+        ("-0.5*A+1.5*B:5um", "fraction -0.5 of A is negative"),
+        ("A+B:5um", "cannot read 'A'"),
+    ],
+)
+def test_bad_text_is_refused_in_one_line(text, complaint):
+    with pytest.raises(ValueError, match=complaint) as caught:
+        parse_layers(text)
+    assert "\n" not in str(caught.value)
+
+
+def test_names_are_found_whatever_their_spelling():
+    names = ["UltramarineBlue", "CobaltBlue", "Zinc-White"]
+    assert find_name("ultramarine blue", names) == "UltramarineBlue"
+    assert find_name("ZINC_WHITE", names) == "Zinc-White"
+    with pytest.raises(ValueError, match="there is no pigment 'Cobalt': the nearest are CobaltBlue"):
+        find_name("Cobalt", names)
+    with pytest.raises(ValueError, match="nearest are UltramarineBlue"):
+        find_name("Ultramrineblu", names)
+    with pytest.raises(ValueError, match="--list shows all names"):
+        find_name("xyz", names)
+
+
+def test_an_exact_name_wins_over_a_similar_one():
+    assert find_name("zincwhite", ["ZincWhite", "zincwhite"]) == "zincwhite"
+
+
+def test_media_are_made_from_the_shelf():
+    w = [400.0, 500.0]
+    shelf = {n: Pigment(n, w, [k, k], [1.0, 1.0]) for n, k in (("A", 1.0), ("B", 3.0))}
+    coats = name_paints(parse_layers("a:1um, .25*a+.75*b:1um"), shelf)
+    pure, mixed = make_media(coats, shelf)
+    assert pure is shelf["A"]
+    assert isinstance(mixed, Mixture)
+    np.testing.assert_allclose(mixed.absorption, [2.5, 2.5])
+
+
+@pytest.mark.parametrize(
+    ("metres", "words"),
+    [(0, "0 µm"), (12e-6, "12 µm"), (5e-8, "50 nm"), (2e-3, "2 mm"), (1.25e-5, "12.5 µm"), (1e-7, "0.1 µm")],
+)
+def test_lengths_in_words(metres, words):
+    assert format_length(metres) == words
+
+
+def test_bands_in_words():
+    w = np.arange(400.0, 480.0, 10.0)
+    assert describe_bands(w, np.array([1, 1, 1, 0, 1, 0, 0, 1], bool)) == "400-420, 440, 470 nm"
+    assert describe_bands(w, np.zeros(8, bool)) == ""

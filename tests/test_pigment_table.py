@@ -1,0 +1,63 @@
+import numpy as np
+import pytest
+
+from glazejax.pigment_table import read_pigments
+
+HEADER = "pigment,wavelength_nm,absorption,scattering,absorption_sd,scattering_sd,identifiable\n"
+GOOD = HEADER + "A,400,10,20,1,2,True\nA,410,11,21,1,2,false\nB,400,1,2,0.1,inf,True\nB,410,3,4,0.1,0.2,True\n"
+
+
+def put(tmp_path, text):
+    path = tmp_path / "pigments.csv"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_pigments_are_read(tmp_path):
+    pigments = read_pigments(put(tmp_path, GOOD))
+    assert list(pigments) == ["A", "B"]
+    a, b = pigments["A"], pigments["B"]
+    np.testing.assert_array_equal(a.wavelengths, [400, 410])
+    np.testing.assert_array_equal(a.absorption, [10, 11])
+    np.testing.assert_array_equal(a.scattering, [20, 21])
+    np.testing.assert_array_equal(a.scattering_sd, [2, 2])
+    np.testing.assert_array_equal(a.identifiable, [True, False])
+    np.testing.assert_array_equal(b.scattering, [2, 4])
+    assert b.scattering_sd is None
+    assert "pigments.csv" in a.provenance
+
+
+def test_columns_in_any_order_comments_and_extras(tmp_path):
+    text = "# fitted, if each film is 20 um thick\nscattering,extra,pigment,absorption,wavelength_nm\n2,x,A,1,400\n"
+    pigment = read_pigments(put(tmp_path, text))["A"]
+    assert (float(pigment.absorption[0]), float(pigment.scattering[0])) == (1, 2)
+    assert pigment.identifiable is None
+    assert pigment.provenance == "fitted, if each film is 20 um thick"
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("", "the file is empty"),
+        (HEADER, "no pigment below it"),
+        (HEADER.replace("scattering,", "", 1), "line 1: no column scattering"),
+        (GOOD.replace("A,410,11", "A,410,much"), "line 3: absorption is 'much', not a finite number"),
+        (GOOD.replace("A,410,11", "A,410,nan"), "line 3: absorption is 'nan'"),
+        (GOOD.replace("A,410,11", "A,410,-11"), "pigment 'A': absorption of 'A' must be"),
+        (GOOD.replace("A,410", "A,390"), "pigment 'A': wavelengths must ascend"),
+        (GOOD.replace("false", "maybe"), "line 3: identifiable is 'maybe'"),
+        (GOOD.replace(",false", ""), "line 3: 6 cells where the header has 7"),
+        (GOOD.replace("\nA,410", "\n,410"), "line 3: the pigment has no name"),
+    ],
+)
+def test_bad_tables_are_refused(tmp_path, text, complaint):
+    with pytest.raises(ValueError, match=complaint) as caught:
+        read_pigments(put(tmp_path, text))
+    assert "\n" not in str(caught.value)
+
+
+def test_missing_file_and_folder(tmp_path):
+    with pytest.raises(FileNotFoundError, match="no such file of pigments"):
+        read_pigments(tmp_path / "none.csv")
+    with pytest.raises(ValueError, match="is a folder"):
+        read_pigments(tmp_path)

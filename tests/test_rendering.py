@@ -1,0 +1,151 @@
+"""Rendering against glazes built one by one, and the ladder's two comparisons against their definitions."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from glazejax import Bidirectional, Glaze, Hemispherical, Layer, Mixture, Pigment, reflectance
+from glazejax.colour import lab
+from glazejax.radiative.fresnel import dielectric_reflectance
+from glazejax.rendering import render
+
+W = np.arange(400.0, 701.0, 20.0)
+TOLERANCE = 1e-6
+
+
+def hump(centre, width, height):
+    return height * np.exp(-0.5 * ((W - centre) / width) ** 2)
+
+
+RED = Pigment("Red", W, hump(520, 40, 2e5) + 500, np.full(W.size, 3e3))
+BLUE = Pigment("Blue", W, hump(600, 60, 1.5e5) + 500, np.full(W.size, 1e4))
+GREEN = Mixture([RED, BLUE], [0.25, 0.75])
+GROUND = np.linspace(0.6, 0.9, W.size)
+GEOMETRY = Bidirectional(45.0, 0.0)
+STACK = Glaze([Layer(RED, 1e-6), Layer(GREEN, 3e-6)], GROUND)
+
+
+@pytest.fixture(scope="module")
+def result():
+    return render(STACK, GEOMETRY, coats=8)
+
+
+def alone(layers, geometry=GEOMETRY, ground=GROUND):
+    return np.asarray(reflectance(Glaze(layers, ground), geometry))
+
+
+def test_stack_ground_and_single_layers(result):
+    np.testing.assert_allclose(result.glaze, alone(STACK.layers), atol=TOLERANCE)
+    np.testing.assert_allclose(result.ground, alone([]), atol=TOLERANCE)
+    for i, layer in enumerate(STACK.layers):
+        np.testing.assert_allclose(result.alone[i], alone([layer]), atol=TOLERANCE)
+
+
+def test_ladder_is_a_stack_of_equal_layers(result):
+    assert result.ladder.counts.tolist() == list(range(9))
+    for n in (0, 1, 3):
+        stack = [Layer(RED, 1e-6)] * n + [Layer(GREEN, 3e-6)]
+        np.testing.assert_allclose(result.ladder.glaze[n], alone(stack), atol=TOLERANCE)
+
+
+def test_ladder_of_a_lower_layer_and_another_coat():
+    ladder = render(STACK, GEOMETRY, layer=1, coat=2e-6, coats=2).ladder
+    stack = [Layer(RED, 1e-6), Layer(GREEN, 2e-6), Layer(GREEN, 2e-6)]
+    np.testing.assert_allclose(ladder.glaze[2], alone(stack), atol=TOLERANCE)
+
+
+def test_multiply_is_the_power_law_of_the_first_coat(result):
+    base, first = alone([Layer(GREEN, 3e-6)]), alone([Layer(RED, 1e-6), Layer(GREEN, 3e-6)])
+    for n in (0, 1, 2, 8):
+        np.testing.assert_allclose(result.ladder.multiply[n], base * (first / base) ** n, atol=1e-5)
+
+
+def test_multiply_leaves_the_surface_reflection_alone():
+    sphere = Hemispherical(8.0, specular=True)
+    glossy = render(STACK, sphere, coats=3).ladder
+    matt = render(STACK, Hemispherical(8.0, specular=False), coats=3).ladder
+    surface = float(dielectric_reflectance(np.cos(np.deg2rad(8.0)), 1.5))
+    np.testing.assert_allclose(glossy.multiply, matt.multiply + surface, atol=1e-5)
+    # The ratio that looks nearest depends a little on the gloss.
+    np.testing.assert_allclose(glossy.mixing, matt.mixing + surface, atol=5e-3)
+
+
+def test_mixing_starts_from_the_ground_and_near_the_first_coat(result):
+    ladder = result.ladder
+    np.testing.assert_array_equal(ladder.mixing[0], ladder.glaze[0])
+    colours = [np.asarray(lab(W, getattr(ladder, way))) for way in ("glaze", "mixing")]
+    steps = np.linalg.norm(colours[0] - colours[1], axis=-1)
+    # Nearer to the first coat than to bare ground or to the second coat.
+    assert steps[1] < np.linalg.norm(colours[0][0] - colours[0][1])
+    assert steps[1] < np.linalg.norm(colours[0][2] - colours[0][1])
+
+
+def test_mixing_is_opaque_paint_of_mixed_coefficients():
+    """Rebuilt from its definition: opaque white found by Newton-free search, mixed, and solved as a thick film."""
+    red, ground, coat = RED, 0.8, 1e-6
+    ladder = render(Glaze([Layer(red, coat)], ground), GEOMETRY, coats=4).ladder
+    thick = 5e-3
+
+    def opaque(k, s):
+        return alone([Layer(Pigment("opaque", W, k, s), thick)], ground=1.0)
+
+    # The white whose opaque film looks like the ground: k/s by bisection.
+    low, high = 1e-8, 1.0
+    target = ladder.glaze[0][0]
+    for _ in range(40):
+        ratio = np.sqrt(low * high)
+        low, high = (ratio, high) if opaque(1e7 * ratio + 0 * W, 1e7 + 0 * W)[0] > target else (low, ratio)
+    k, s = np.asarray(red.absorption) * coat, np.asarray(red.scattering) * coat
+
+    def mixed(n, amount):
+        scale = 1e7 / amount
+        return opaque((n * k + amount * ratio) * scale, (n * s + amount) * scale)
+
+    amounts = np.geomspace(1e-2, 1e3, 40)
+    seen = np.asarray(lab(W, jnp.asarray(np.stack([mixed(1, a) for a in amounts]))))
+    first = np.asarray(lab(W, ladder.glaze[1]))
+    best = amounts[np.linalg.norm(seen - first, axis=-1).argmin()]
+    for n in (1, 4):
+        apart = np.linalg.norm(np.asarray(lab(W, mixed(n, best))) - np.asarray(lab(W, ladder.mixing[n])))
+        assert apart < 2.5  # The search above has steps of a third.
+    finer = np.linalg.norm(np.asarray(lab(W, ladder.mixing[1])) - first)
+    assert finer <= np.linalg.norm(seen - first, axis=-1).min() + 0.05
+
+
+def test_all_ways_darken_and_stay_between_black_and_the_ground(result):
+    for way in ("glaze", "multiply", "mixing"):
+        spectra = getattr(result.ladder, way)
+        assert spectra.shape == (9, W.size)
+        assert np.all(np.isfinite(spectra))
+        assert np.all(spectra > 0)
+        lightness = np.asarray(lab(W, spectra))[:, 0]
+        assert np.all(np.diff(lightness) < 0)
+
+
+@pytest.mark.parametrize("ground", [0.0, 1.0])
+@pytest.mark.parametrize("thickness", [0.0, 1e-9, 0.01])
+def test_edges_stay_finite(ground, thickness):
+    clear = Pigment("Clear", W, np.zeros(W.size), np.zeros(W.size))
+    for paint in (RED, clear):
+        ladder = render(Glaze([Layer(paint, thickness)], ground), GEOMETRY, coats=2).ladder
+        assert ladder.capped == (thickness == 0.01)
+        for way in (ladder.glaze, ladder.multiply, ladder.mixing):
+            assert np.all(np.isfinite(way))
+            assert np.all(way >= 0)
+
+
+def test_absent_paint_changes_nothing():
+    ladder = render(Glaze([Layer(RED, 0.0)], 0.7), GEOMETRY, coats=3).ladder
+    for way in (ladder.glaze, ladder.multiply, ladder.mixing):
+        np.testing.assert_allclose(way, np.broadcast_to(ladder.glaze[0], way.shape), atol=2e-5)
+
+
+def test_bad_requests():
+    with pytest.raises(ValueError, match="numbered 0 to 1"):
+        render(STACK, GEOMETRY, layer=2)
+    with pytest.raises(ValueError, match="1 coat or more, not 0"):
+        render(STACK, GEOMETRY, coats=0)
+    with pytest.raises(ValueError, match="single numbers"):
+        render(Glaze([Layer(RED, jnp.asarray([1e-6, 2e-6]))], 0.9), GEOMETRY)
+    with pytest.raises(ValueError, match="without layers has no wavelengths"):
+        render(Glaze([], 0.9), GEOMETRY)
