@@ -1,0 +1,72 @@
+"""What an instrument reads on one film: the forward model of a recovery, per wavelength."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from glazejax.radiative.stack import stack_hemispherical_reflectance
+
+from .films import Instrument
+
+# Optical thicknesses k d and s d that a fit may take. A clear film reads as bare card to 1e-5 at the lower ends; at
+# the upper ones every film is opaque.
+LOWEST = (1e-6, 1e-5)
+HIGHEST = (100.0, 400.0)
+
+FIT_TOLERANCE = 1e-5
+
+
+def body_reflectance(
+    absorption: Float[Array, "*batch"],
+    scattering: Float[Array, "*batch"],
+    ground: Float[Array, "*batch"],
+    instrument: Instrument,
+    tolerance: float = FIT_TOLERANCE,
+) -> Float[Array, "*batch"]:
+    """Reflectance of a film on a Lambertian ground, without the part from the outer surface.
+
+    Args:
+        absorption, scattering: optical thicknesses k d and s d, (...), their sum > 0.
+        ground: internal reflectance of the card, (...).
+        instrument: geometry and refractive index.
+        tolerance: of the solver.
+    """
+    depth = absorption + scattering
+    return stack_hemispherical_reflectance(
+        (scattering / depth)[..., None],
+        depth[..., None],
+        ground,
+        refractive_index=instrument.refractive_index,
+        cos_incidence=instrument.cos_incidence,
+        tolerance=tolerance,
+    )
+
+
+class Table(NamedTuple):
+    """Reflectance of films on a grid of (log k d, log s d), for every ground at once.
+
+    Over a Lambertian ground the reflectance is black + gain rho/(1 - back rho), exactly: the first light that
+    reaches the ground and leaves, times all its round trips.
+    """
+
+    log_absorption: Float[Array, "k"]
+    log_scattering: Float[Array, "s"]
+    black: Float[Array, "k s"]
+    gain: Float[Array, "k s"]
+    back: Float[Array, "k s"]
+
+
+def tabulate(instrument: Instrument, sizes: tuple[int, int] = (80, 44)) -> Table:
+    """Table that starts a fit, from three grounds a film; `sizes` values of k d and s d."""
+    k = jnp.linspace(np.log(1e-5), np.log(0.8 * HIGHEST[0]), sizes[0])
+    s = jnp.linspace(np.log(1e-4), np.log(0.8 * HIGHEST[1]), sizes[1])
+    kd, sd = jnp.meshgrid(jnp.exp(k), jnp.exp(s), indexing="ij")
+    grounds = jnp.asarray([0.0, 0.5, 1.0])
+    values = body_reflectance(kd[..., None], sd[..., None], grounds, instrument, 1e-4)
+    black, half, white = values[..., 0], values[..., 1] - values[..., 0], values[..., 2] - values[..., 0]
+    # half = .5 gain/(1 - .5 back), white = gain/(1 - back).
+    ratio = jnp.clip(white, 1e-12) / jnp.clip(half, 1e-12)
+    back = jnp.clip((ratio - 2.0) / (ratio - 1.0), 0.0, 0.99)
+    return Table(k, s, black, jnp.clip(white, 0.0) * (1.0 - back), back)

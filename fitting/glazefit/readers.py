@@ -1,0 +1,112 @@
+"""Readers of measured films: tables of four rows a film, and lists of what the films are made of.
+
+The layout is that of the Revigo spectra: `X_b` and `X_w` are the bare black and white cards of film X, `X_ob` and
+`X_ow` its paint over them; tab, comma or semicolon separated, percent or fraction.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from glazejax.io import read_spectra
+
+from .films import Films
+
+ROWS = {
+    "b": "the bare black card",
+    "w": "the bare white card",
+    "ob": "paint over black",
+    "ow": "paint over white",
+}
+NAMES_FILE = "mixtures.tsv"
+
+
+def read_films(path: str | Path) -> Films:
+    """Read films over a black and a white card.
+
+    Any table that `glazejax.io.read_spectra` reads will do, if its spectra come in fours: NAME_b, NAME_w, NAME_ob
+    and NAME_ow.
+
+    Raises:
+        FileNotFoundError: no such file.
+        ValueError: the table is not legal (see `read_spectra`), a name has no such ending, or a film lacks one of
+            its four rows. The message is one line and says which.
+    """
+    table = read_spectra(path)
+    rows: dict[str, dict[str, int]] = {}
+    for number, name in enumerate(table.names):
+        film, _, ending = name.rpartition("_")
+        if not film or ending not in ROWS:
+            raise ValueError(
+                f"{path}: the name {name!r} must end in " + ", ".join(f"_{end} ({what})" for end, what in ROWS.items())
+            )
+        rows.setdefault(film, {})[ending] = number
+    for film, found in rows.items():
+        missing = [end for end in ROWS if end not in found]
+        if missing:
+            raise ValueError(
+                f"{path}: film {film!r} has no row '{film}_{missing[0]}' ({ROWS[missing[0]]}); a film needs all "
+                f"four of {', '.join('_' + end for end in ROWS)}"
+            )
+
+    def take(ending: str) -> np.ndarray:
+        return table.reflectance[[found[ending] for found in rows.values()]]
+
+    return Films(tuple(rows), table.wavelengths, take("b"), take("w"), take("ob"), take("ow"), tuple(table.notes))
+
+
+def read_names(path: str | Path) -> dict[str, dict[str, float]]:
+    """Read what films are made of: a line each, ``07C<TAB>ZincWhite-BoneBlack|97.1-2.9``, weights in percent.
+
+    Returns:
+        For each sample the paints in it and their percentages; those of none are left out.
+
+    Raises:
+        FileNotFoundError: no such file.
+        ValueError: a line of another form, a weight that is not a number >= 0, or a sample listed twice.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise FileNotFoundError(f"{path}: there is no such file")
+    recipes: dict[str, dict[str, float]] = {}
+    for number, line in enumerate(path.read_text(encoding="utf-8-sig").splitlines(), start=1):
+        if not line.strip() or line.startswith("#"):
+            continue
+        sample, tab, recipe = line.partition("\t")
+        paints, bar, weights = recipe.strip().partition("|")
+        sample = sample.strip()
+        where = f"{path}, line {number}"
+        try:
+            values = [float(weight) for weight in weights.split("-")]
+        except ValueError:
+            values = []
+        if not (tab and bar and sample and len(values) == len(paints.split("-")) and np.isfinite(values).all()):
+            raise ValueError(f"{where}: expected 'SAMPLE<TAB>PaintA-PaintB|weightA-weightB', not {line.strip()!r}")
+        if sample in recipes:
+            raise ValueError(f"{where}: sample {sample!r} is listed twice")
+        recipes[sample] = {p: w for p, w in zip(paints.split("-"), values, strict=True) if w > 0}
+    return recipes
+
+
+def is_masstone(recipe: dict[str, float]) -> bool:
+    """Whether a film is one paint only."""
+    return len(recipe) == 1 and next(iter(recipe.values())) >= 99.95
+
+
+def readable_names(samples: tuple[str, ...], recipes: dict[str, dict[str, float]]) -> tuple[str, ...]:
+    """Readable names of films: the paint of a masstone, sample and recipe of a mixture, else the sample.
+
+    A paint of which there are several masstones keeps its sample's number.
+    """
+    names = []
+    for sample in samples:
+        recipe = recipes.get(sample)
+        if not recipe:
+            names.append(sample)
+        elif is_masstone(recipe):
+            names.append(next(iter(recipe)))
+        else:
+            names.append(f"{sample} " + " + ".join(f"{paint} {weight:g}%" for paint, weight in recipe.items()))
+    return tuple(
+        f"{sample} {name}" if names.count(name) > 1 else name for sample, name in zip(samples, names, strict=True)
+    )

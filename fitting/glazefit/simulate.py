@@ -1,0 +1,75 @@
+"""Films of known absorption and scattering, as a noisy instrument would measure them."""
+
+from collections.abc import Sequence
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from glazejax import Pigment
+
+from .films import Films, Instrument, Noise
+from .model import body_reflectance
+
+
+def card_spectra(
+    wavelengths: Float[np.ndarray, "bands"],
+) -> tuple[Float[np.ndarray, "bands"], Float[np.ndarray, "bands"]]:
+    """Internal reflectance of a black and of a white card of the usual kind, (bands,) each.
+
+    In air they read 5 % and 80-89 %; the white one falls off below 430 nm, as paper with a brightener does.
+    """
+    black = np.full_like(wavelengths, 0.025)
+    return black, 0.95 - 0.02 * (700 - wavelengths) / 300 - 0.2 * np.exp(-np.maximum(wavelengths - 400, 0) / 12)
+
+
+def simulate_films(
+    names: Sequence[str],
+    wavelengths: Float[np.ndarray, "bands"],
+    absorption: Float[np.ndarray, "films bands"],
+    scattering: Float[np.ndarray, "films bands"],
+    *,
+    instrument: Instrument | None = None,
+    noise: Noise | None = None,
+    seed: int = 0,
+) -> Films:
+    """Measured spectra of films of given optical thicknesses over both cards, with independent noise on all four.
+
+    Args:
+        names: of the films.
+        wavelengths: (bands,), nm.
+        absorption, scattering: k d and s d, (films, bands), their sum > 0.
+        instrument, noise: by default those of `recover_films`.
+        seed: of the noise; equal seeds give equal spectra.
+    """
+    instrument, noise = instrument or Instrument(), noise or Noise()
+    rng = np.random.default_rng(seed)
+    k, s = np.asarray(absorption), np.asarray(scattering)
+    black, white = card_spectra(wavelengths)
+    grounds = np.broadcast_to(np.stack([black, white], axis=-1), (*k.shape, 2))
+    empty = np.full((1, 1), 1e-12)
+
+    def read(k: np.ndarray, s: np.ndarray) -> np.ndarray:
+        body = body_reflectance(
+            jnp.asarray(k)[..., None], jnp.asarray(s)[..., None], jnp.asarray(grounds), instrument, 1e-6
+        )
+        exact = np.asarray(body) + instrument.seen_surface
+        return np.maximum(exact + noise.sd(exact) * rng.standard_normal(exact.shape), 0.0)
+
+    bare, painted = read(empty, empty), read(k, s)
+    return Films(tuple(names), wavelengths, bare[..., 0], bare[..., 1], painted[..., 0], painted[..., 1])
+
+
+def simulate_paints(
+    paints: Sequence[Pigment], thickness: float, *, instrument: Instrument, noise: Noise, seed: int = 0
+) -> Films:
+    """Simulated films of paints on one grid, all of one thickness (m)."""
+    return simulate_films(
+        [paint.name for paint in paints],
+        paints[0].wavelengths,
+        np.stack([np.asarray(paint.absorption) for paint in paints]) * thickness,
+        np.stack([np.asarray(paint.scattering) for paint in paints]) * thickness,
+        instrument=instrument,
+        noise=noise,
+        seed=seed,
+    )
