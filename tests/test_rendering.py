@@ -30,8 +30,8 @@ def result():
     return render(STACK, GEOMETRY, coats=8)
 
 
-def alone(layers, geometry=GEOMETRY, ground=GROUND):
-    return np.asarray(reflectance(Glaze(layers, ground), geometry))
+def alone(layers, ground=None):
+    return np.asarray(reflectance(Glaze(layers, GROUND if ground is None else ground), GEOMETRY))
 
 
 def test_stack_ground_and_single_layers(result):
@@ -54,10 +54,23 @@ def test_ladder_of_a_lower_layer_and_another_coat():
     np.testing.assert_allclose(ladder.glaze[2], alone(stack), atol=TOLERANCE)
 
 
-def test_multiply_is_the_power_law_of_the_first_coat(result):
-    base, first = alone([Layer(GREEN, 3e-6)]), alone([Layer(RED, 1e-6), Layer(GREEN, 3e-6)])
+def test_multiply_is_the_power_law_of_one_coat_on_the_ground(result):
+    below, ratio = alone([Layer(GREEN, 3e-6)]), alone([Layer(RED, 1e-6)]) / alone([])
     for n in (0, 1, 2, 8):
-        np.testing.assert_allclose(result.ladder.multiply[n], base * (first / base) ** n, atol=1e-5)
+        np.testing.assert_allclose(result.ladder.multiply[n], below * ratio**n, atol=1e-5)
+
+
+def test_over_bare_ground_multiply_has_the_same_first_coat():
+    ladder = render(Glaze([Layer(RED, 1e-6)], GROUND), GEOMETRY, coats=2).ladder
+    np.testing.assert_allclose(ladder.multiply[:2], ladder.glaze[:2], atol=1e-6)
+    assert np.abs(ladder.multiply[2] - ladder.glaze[2]).max() > 0.01
+
+
+def test_multiply_never_brightens():
+    white = Pigment("White", W, np.full(W.size, 10.0), np.full(W.size, 2e5))
+    ladder = render(Glaze([Layer(white, 5e-6)], 0.05), GEOMETRY, coats=3).ladder
+    assert np.all(np.diff(ladder.glaze, axis=0) > 0)
+    np.testing.assert_allclose(ladder.multiply, np.broadcast_to(ladder.glaze[0], ladder.multiply.shape), atol=1e-9)
 
 
 def test_multiply_leaves_the_surface_reflection_alone():
@@ -83,6 +96,7 @@ def test_mixing_starts_from_the_ground_and_near_the_first_coat(result):
 def test_mixing_is_opaque_paint_of_mixed_coefficients():
     """Rebuilt from its definition: opaque white found by Newton-free search, mixed, and solved as a thick film."""
     red, ground, coat = RED, 0.8, 1e-6
+    ratio = 0.0
     ladder = render(Glaze([Layer(red, coat)], ground), GEOMETRY, coats=4).ladder
     thick = 5e-3
 

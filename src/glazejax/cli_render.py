@@ -331,12 +331,18 @@ def _read_ground(text: str) -> "tuple[np.ndarray, np.ndarray, str, list[str]]":
 
 def _remarks(used: "Mapping[str, Pigment]") -> list[tuple[str, str]]:
     """Where the pigments come from, and where their numbers cannot be relied on."""
-    from .describe import describe_bands
+    from . import catalogue
+    from .describe import describe_bands, format_length
 
     origins: dict[str, list[str]] = {}
     for name, pigment in used.items():
         origins.setdefault(pigment.provenance or "no provenance is stated", []).append(name)
-    remarks = [("note", f"{', '.join(names)}: {origin}") for origin, names in origins.items()]
+    remarks = []
+    if catalogue.PROVENANCE in origins:
+        film = format_length(catalogue.ASSUMED_THICKNESS)
+        words = f"pigments of the catalogue were fitted to films of unknown thickness, taken as {film}"
+        remarks.append(("note", f"{words}; thicknesses here are on that scale"))
+    remarks += [("source", f"{', '.join(names)}: {origin}") for origin, names in origins.items()]
     for name, pigment in used.items():
         if pigment.identifiable is not None and not pigment.identifiable.all():
             bands = describe_bands(pigment.wavelengths, ~pigment.identifiable)

@@ -167,7 +167,7 @@ def find_name(name: str, names: Iterable[str]) -> str:
     if key in known:
         return known[key]
     near = [full for plain, full in known.items() if len(key) > 2 and (key in plain or plain in key)][:4]
-    near = near or [known[k] for k in difflib.get_close_matches(key, known, n=4, cutoff=0.5)]
+    near = near or [known[k] for k in difflib.get_close_matches(key, known, n=4, cutoff=0.6)]
     choice = f"the nearest are {', '.join(near)}" if near else "--list shows all names"
     raise ValueError(f"there is no pigment {name!r}: {choice}")
 

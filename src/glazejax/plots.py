@@ -18,12 +18,12 @@ if TYPE_CHECKING:
 FORMATS = (".png", ".pdf", ".svg", ".jpg")
 
 _INK, _FAINT, _GRID = "#26221e", "#7d766e", "#e6e1da"
-_NOTE = """R₀ is seen with no coat, R₁ with
-one. Mixing: the same paint
-stirred into an opaque one that
-looks like R₀, as much of it as
-brings one portion nearest to
-one coat."""
+_NOTE = """$R_0$: seen with no coat. $R_1$: one
+coat alone on the ground, $R_g$.
+Mixing: the same paint stirred
+into an opaque one that looks
+like $R_0$, as much of it as brings
+one portion nearest to one coat."""
 _CLIPPED = """
 Colours outside sRGB are clipped."""
 # How each way of layering is drawn and explained.
@@ -39,7 +39,7 @@ _STYLE: dict[Any, Any] = {
 }
 _WAYS = {
     "glaze": ("glazejax", "light followed through every coat", "-", 3.2),
-    "multiply": ("multiply", "$R_n = R_0 (R_1/R_0)^n$, band by band", "--", 2.0),
+    "multiply": ("multiply", "$R_0 (R_1/R_g)^n$, band by band", "--", 2.0),
     "mixing": ("mixing", "$n$ portions stirred into opaque paint", ":", 2.6),
 }
 
@@ -152,14 +152,20 @@ def _box(left: float, right: float, *, top: float, bottom: float) -> tuple[float
     return left, bottom, right - left, top - bottom
 
 
-def _fit(text: "Text", figure: "Figure", width: float) -> None:
-    """Shrink a line of text until it fits a share of the figure's width."""
+def _fit(text: "Text", figure: "Figure", share: float) -> None:
+    """Shrink a line of text, and cut it if it would become too small to read, to a share of the figure's width."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
-    canvas = FigureCanvasAgg(figure)
-    ratio = text.get_window_extent(canvas.get_renderer()).width / (width * figure.bbox.width)
-    if ratio > 1:
-        text.set_fontsize(float(text.get_fontsize()) / ratio)
+    renderer, room = FigureCanvasAgg(figure).get_renderer(), share * figure.bbox.width
+    size, smallest = float(text.get_fontsize()), 12.0
+    # Widths of hinted letters are not quite proportional to their size.
+    while (width := text.get_window_extent(renderer).width) > room and size > smallest:
+        size = max(min(size * room / width, size - 0.25), smallest)
+        text.set_fontsize(size)
+    words = text.get_text()
+    while text.get_window_extent(renderer).width > room:
+        words = words[: int(0.97 * len(words))]
+        text.set_text(f"{words.rstrip()}…")
 
 
 def _draw_spectra(axes: "Axes", paint: _Paint, names: Sequence[str]) -> None:
@@ -241,15 +247,15 @@ def _draw_curves(chroma: "Axes", lightness: "Axes", paint: _Paint) -> None:
     last = int(ladder.counts[-1])
     colours = {key: paint.lab(getattr(ladder, key)) for key in _WAYS}
     for axes, title, curves in (
-        (chroma, "chroma\nC*", {key: np.hypot(values[:, 1], values[:, 2]) for key, values in colours.items()}),
-        (lightness, "lightness\nL*", {key: values[:, 0] for key, values in colours.items()}),
+        (chroma, "chroma C*", {key: np.hypot(values[:, 1], values[:, 2]) for key, values in colours.items()}),
+        (lightness, "lightness L*", {key: values[:, 0] for key, values in colours.items()}),
     ):
         for key, values in curves.items():
             _, _, dashes, width = _WAYS[key]
             axes.plot(ladder.counts, values, ls=dashes, lw=width, color=_INK, solid_capstyle="round")
         highest = max(10.0, *(float(values.max()) for values in curves.values()))
         axes.set_ylim(0, 1.08 * highest)
-        axes.set_ylabel(title, fontsize=12.5)
+        axes.set_ylabel(title, fontsize=12)
         axes.tick_params(axis="y", labelsize=13)
         axes.locator_params(axis="y", nbins=4)
         axes.grid(color=_GRID, lw=1)

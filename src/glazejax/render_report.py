@@ -17,7 +17,7 @@ from .rendering import Rendering
 
 # Rounding in a spectrum moves an encoded value by less than this.
 _GAMUT_SLACK = 5e-4
-_WIDE = 72
+_WIDE, _NARROW = 72, 50
 _LADDER_ROWS = (1, 2, 5, 10, 20, 40)
 
 
@@ -153,7 +153,8 @@ def print_ladder(console: Console, rendering: Rendering, scene: Scene) -> None:
             lightness, a, b = np.asarray(lab(rendering.wavelengths, spectra[count], **scene.light))
             shade = hex_colour(srgb(rendering.wavelengths, spectra[count], **scene.light))
             numbers = "" if narrow else f"{lightness:4.0f}{np.hypot(a, b):4.0f} "
-            cells.append(Text(f"{shade}{numbers} ") + _block(shade))
+            patch = Text("") if console.width < _NARROW else _block(shade)
+            cells.append(Text(f"{shade}{numbers} ") + patch)
         table.add_row(str(count), *cells)
     console.print(table)
 

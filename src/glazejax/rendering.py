@@ -6,14 +6,16 @@ glaze
     n coats, one over the other, solved as a stack. Equal coats that share one refractive index are the same
     as one coat of n times the thickness, so each step costs no more than the glaze itself.
 multiply
-    what the blend mode of that name does in digital painting, band by band: the first coat lets through
-    R_1/R_0 of the light, so n of them show R_n = R_0 (R_1/R_0)^n.
+    what the blend mode of that name does in digital painting, band by band: one coat alone on the bare ground
+    turns R_ground into R_1, so each coat lets through R_1/R_ground of what is below, and n of them show
+    R_n = R_0 (R_1/R_ground)^n. R_0 is what lies below the coats: the ground itself if there is one layer only.
+    Multiplying never brightens: a ratio above 1 counts as 1.
 mixing
     n portions of the same paint stirred into opaque paint that by itself looks like what lies below the
     layer. One portion of colour meets as much of that opaque paint as brings the mixture nearest (Delta E 1976)
     to the first coat; coefficients of mixed paint add.
 
-All three begin with the same ground, and with one and the same first coat (mixing: as nearly as it can).
+All three begin with the same R_0; over bare ground, multiply has the same first coat too.
 """
 
 from dataclasses import dataclass
@@ -110,26 +112,25 @@ def render(
         raise ValueError("render takes one glaze: thicknesses must be single numbers")
     step = float(thickness[layer]) if coat is None else float(coat)
     counts = np.arange(coats + 1)
-    # The whole stack, the bare ground, each layer alone, then the ladder: rows of one batch.
-    rows = np.concatenate(
-        [np.stack([thickness, 0 * thickness]), np.diag(thickness), np.tile(thickness, (coats + 1, 1))]
-    )
-    rows[2 + count :, layer] = np.minimum(counts * step, MAX_THICKNESS)
+    # Rows of one batch: the whole stack, the bare ground, each layer alone, one coat alone, then the ladder.
+    coat_alone = np.where(np.arange(count) == layer, step, 0.0)
+    ladder = np.tile(thickness, (coats + 1, 1))
+    ladder[:, layer] = np.minimum(counts * step, MAX_THICKNESS)
+    rows = np.concatenate([np.stack([thickness, 0 * thickness]), np.diag(thickness), coat_alone[None], ladder])
     paleness = _paleness(grid.size)
     values = np.asarray(reflectance(_batch(glaze, rows, paleness), geometry, tolerance=tolerance))
     spectra, opaque = values[: len(rows)], _Opaque(paleness.ravel(), values[len(rows) :].ravel())
-    steps = spectra[2 + count :]
+    ground, first, steps = spectra[1], spectra[2 + count], spectra[3 + count :]
+    multiply = _multiply(ground, first, steps[0], counts, opaque.surface)
     medium = glaze.layers[layer].medium
     portion = np.stack([np.asarray(medium.absorption), np.asarray(medium.scattering)]) * step
     mixing = _mixing(opaque, portion, steps[0], steps[1], counts, (grid, illuminant, observer))
     return Rendering(
         wavelengths=grid,
         glaze=spectra[0],
-        ground=spectra[1],
+        ground=ground,
         alone=spectra[2 : 2 + count],
-        ladder=Ladder(
-            layer, counts, steps, _multiply(steps, counts, opaque.surface), mixing, coats * step > MAX_THICKNESS
-        ),
+        ladder=Ladder(layer, counts, steps, multiply, mixing, capped=coats * step > MAX_THICKNESS),
     )
 
 
@@ -185,12 +186,16 @@ class _Opaque:
 
 
 def _multiply(
-    steps: Float[np.ndarray, "steps bands"], counts: Int[np.ndarray, "steps"], surface: float
+    ground: Float[np.ndarray, "bands"],
+    first: Float[np.ndarray, "bands"],
+    below: Float[np.ndarray, "bands"],
+    counts: Int[np.ndarray, "steps"],
+    surface: float,
 ) -> Float[np.ndarray, "steps bands"]:
-    """R_0 (R_1/R_0)^n, without the reflection from the surface, which no layer below it can change."""
-    base, first = steps[0] - surface, steps[1] - surface
-    ratio = np.clip(first, 0.0, None) / np.where(base > 0, base, 1.0)
-    return surface + np.clip(base, 0.0, None) * ratio ** counts[:, None]
+    """R_0 (R_1/R_ground)^n, without the reflection from the surface, which no coat below it can change."""
+    ground, first, below = (np.clip(r - surface, 0.0, None) for r in (ground, first, below))
+    ratio = np.minimum(first, ground) / np.where(ground > 0, ground, 1.0)
+    return surface + below * np.where(ground > 0, ratio, 1.0) ** counts[:, None]
 
 
 def _mixing(

@@ -1,0 +1,113 @@
+import matplotlib.image
+import numpy as np
+import pytest
+
+from glazejax import Bidirectional, Glaze, Layer, Pigment, plots
+from glazejax.colour import lab, srgb
+from glazejax.rendering import render
+
+W = np.arange(400.0, 701.0, 20.0)
+RED = Pigment("Red", W, 2e5 * np.exp(-0.5 * ((W - 520) / 40) ** 2) + 500, np.full(W.size, 3e3))
+BLUE = Pigment("Blue", W, 1.5e5 * np.exp(-0.5 * ((W - 600) / 60) ** 2) + 500, np.full(W.size, 1e4))
+
+
+@pytest.fixture(scope="module")
+def rendering():
+    glaze = Glaze([Layer(RED, 1e-6), Layer(BLUE, 2e-6), Layer(BLUE, 0.0)], 0.9)
+    return render(glaze, Bidirectional(), coats=12, tolerance=1e-4)
+
+
+@pytest.fixture(scope="module")
+def figure(rendering):
+    return plots.glaze_figure(rendering, ["Red", "Blue", "Nothing"], title="T" * 300, coat="Red 1 µm", marked=3)
+
+
+def test_spectra_drawn_are_those_computed(figure, rendering):
+    lines = {line.get_label(): line.get_ydata() for line in figure.axes[0].lines}
+    np.testing.assert_array_equal(lines["the glaze"], rendering.glaze)
+    np.testing.assert_array_equal(lines["bare ground"], rendering.ground)
+    np.testing.assert_array_equal(lines["Blue alone"], rendering.alone[1])
+    assert "Nothing alone" not in lines
+
+
+def test_swatches_have_the_colours_and_say_them(figure, rendering):
+    shade = plots.hex_colour(srgb(W, rendering.glaze))
+    ground, glaze = figure.axes[1].patches
+    assert plots.hex_colour(glaze.get_facecolor()[:3]) == shade
+    assert plots.hex_colour(ground.get_facecolor()[:3]) == plots.hex_colour(srgb(W, rendering.ground))
+    words = " ".join(text.get_text() for text in figure.axes[1].texts)
+    assert shade in words
+    assert f"Lab {float(lab(W, rendering.glaze)[0]):.1f}," in words
+
+
+def test_strips_show_the_three_ladders(figure, rendering):
+    strips = figure.axes[2].collections
+    for strip, way in zip(strips, ("glaze", "multiply", "mixing"), strict=True):
+        expected = srgb(W, getattr(rendering.ladder, way))
+        np.testing.assert_allclose(strip.get_facecolor()[:, :3], expected, atol=1e-12)
+    assert [line.get_xdata()[0] for line in figure.axes[2].lines] == [3]
+
+
+def test_curves_are_chroma_and_lightness(figure, rendering):
+    colours = np.asarray(lab(W, rendering.ladder.multiply))
+    np.testing.assert_allclose(figure.axes[3].lines[1].get_ydata(), np.hypot(colours[:, 1], colours[:, 2]))
+    np.testing.assert_allclose(figure.axes[4].lines[1].get_ydata(), colours[:, 0])
+
+
+def test_long_titles_shrink_and_are_cut_to_fit(figure, rendering):
+    longer = plots.glaze_figure(rendering, ["Red", "Blue", "Nothing"], title="Word " * 21)
+    cut, whole = figure.texts[0], longer.texts[0]
+    for title in (cut, whole):
+        assert title.get_window_extent().width <= 0.951 * figure.bbox.width
+        assert float(title.get_fontsize()) >= 12
+    assert cut.get_text().endswith("…")
+    assert whole.get_text() == "Word " * 21
+    assert float(whole.get_fontsize()) < 23
+
+
+def test_one_layer_shows_rungs_of_its_ladder():
+    result = render(Glaze([Layer(RED, 1e-6)], 0.9), Bidirectional(), coats=12, tolerance=1e-4)
+    lines = {line.get_label(): line.get_ydata() for line in plots.glaze_figure(result, ["Red"]).axes[0].lines}
+    assert set(lines) == {"bare ground", "the glaze", "5 coats", "10 coats"}
+    np.testing.assert_array_equal(lines["10 coats"], result.ladder.glaze[10])
+
+
+def test_picture_is_written_in_the_size_promised(figure, tmp_path):
+    path = tmp_path / "a.png"
+    figure.savefig(path, dpi=100)
+    assert matplotlib.image.imread(path).shape[:2] == (1000, 1600)
+
+
+def test_names_must_match(rendering):
+    with pytest.raises(ValueError, match="1 names were given for 3 layers"):
+        plots.glaze_figure(rendering, ["Red"])
+
+
+def test_drawing_leaves_the_style_alone(rendering):
+    import matplotlib
+
+    before = dict(matplotlib.rcParams)
+    plots.glaze_figure(rendering, ["Red", "Blue", "Nothing"])
+    assert dict(matplotlib.rcParams) == before
+
+
+@pytest.mark.parametrize(
+    ("rgb", "text"), [((1, 0, 0.5), "#ff0080"), ((1.2, -0.1, 0), "#ff0000"), ((0, 0, 0), "#000000")]
+)
+def test_hex(rgb, text):
+    assert plots.hex_colour(np.array(rgb)) == text
+
+
+def test_where_pictures_may_go(tmp_path):
+    assert plots.check_picture(tmp_path / "new.PNG") == tmp_path / "new.PNG"
+    old = tmp_path / "old.png"
+    old.write_bytes(b"")
+    assert plots.check_picture(old, overwrite=True) == old
+    with pytest.raises(FileExistsError, match=r"old.png exists; .* --overwrite"):
+        plots.check_picture(old)
+    with pytest.raises(ValueError, match=r"pictures end in .png"):
+        plots.check_picture(tmp_path / "a.txt")
+    with pytest.raises(FileNotFoundError, match=r"the folder .* does not exist"):
+        plots.check_picture(tmp_path / "none" / "a.png")
+    with pytest.raises(ValueError, match="is a folder: name a picture in it"):
+        plots.check_picture(tmp_path)

@@ -1,0 +1,270 @@
+"""The command `glazejax render`, called through `glazejax.cli.main` as a user calls it."""
+
+import os
+import re
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import typer
+
+import glazejax
+from glazejax import Bidirectional, Glaze, Hemispherical, Layer, Mixture, Pigment, cli, cli_render
+from glazejax.colour import lab, xyz
+from glazejax.io import read_spectra
+from glazejax.pigment_table import read_pigments
+
+W = np.arange(400.0, 701.0, 20.0)
+HEADER = "pigment,wavelength_nm,absorption,scattering,absorption_sd,scattering_sd,identifiable"
+
+
+@pytest.fixture(scope="module")
+def pigments_csv(tmp_path_factory):
+    """Two made-up pigments; Red is not identifiable above 600 nm."""
+    path = tmp_path_factory.mktemp("pigments") / "pigments.csv"
+    lines = [HEADER]
+    for name, centre, s in (("Red", 520, 3e3), ("DeepBlue", 600, 1e4)):
+        k = 2e5 * np.exp(-0.5 * ((W - centre) / 45) ** 2) + 500
+        lines += [f"{name},{w:g},{a},{s},1,1,{name != 'Red' or w <= 600}" for w, a in zip(W, k.tolist(), strict=True)]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+@pytest.fixture
+def run(tmp_path, monkeypatch, capsys, pigments_csv):
+    """Run a command line in an empty folder; returns exit status, stdout, stderr."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "100")
+
+    class OnlyRender:
+        name = "render"
+
+        @staticmethod
+        def load():
+            return cli_render.register
+
+    def call(*arguments, pigments=pigments_csv):
+        app = typer.Typer(pretty_exceptions_enable=False)
+        app.callback()(lambda: None)
+        monkeypatch.setattr(cli, "app", app)
+        monkeypatch.setattr(cli, "entry_points", lambda group: [OnlyRender])
+        # The settings of a command must not leak into the tests that follow.
+        monkeypatch.setattr(cli, "start_jax", lambda: None)
+        monkeypatch.setattr(cli_render, "_quiet", lambda: None)
+        own = [] if pigments is None else ["--pigments", str(pigments)]
+        monkeypatch.setattr(sys, "argv", ["glazejax", "render", *arguments, *own])
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        captured = capsys.readouterr()
+        return end.value.code or 0, captured.out, captured.err
+
+    return call
+
+
+def spectrum(pigments_csv, geometry, ground: float | np.ndarray = 0.9, index=1.5):
+    shelf = read_pigments(pigments_csv)
+    glaze = Glaze([Layer(shelf["Red"], 1e-6), Layer(shelf["DeepBlue"], 2e-6)], ground, index)
+    return np.asarray(glazejax.reflectance(glaze, geometry))
+
+
+STACK = ("--layers", "Red:1um, deep blue:2um")
+
+
+def test_numbers_picture_and_table(run, tmp_path, pigments_csv):
+    status, out, err = run(*STACK, "--csv", "spectra.csv")
+    assert (status, err) == (0, "")
+    expected = spectrum(pigments_csv, Bidirectional(0.0, 0.0))
+    table = read_spectra(tmp_path / "spectra.csv")
+    assert table.names == ("glaze", "ground", "layer 1: Red 1 µm alone", "layer 2: DeepBlue 2 µm alone")
+    np.testing.assert_allclose(table["glaze"], expected, atol=1e-6)
+    np.testing.assert_array_equal(table.wavelengths, W)
+    assert (tmp_path / "glaze.png").read_bytes().startswith(b"\x89PNG")
+    printed = [float(r) for line in re.findall(r"^  R  (.*)$", out, re.M) for r in line.split()]
+    np.testing.assert_allclose(printed, expected, atol=6e-5)
+    for title, values, places in (("XYZ", xyz(W, expected), 4), (r"L\*a\*b\*", lab(W, expected), 2)):
+        words = re.search(rf"^  {title} (.*?)  \(", out, re.M)
+        assert words is not None
+        np.testing.assert_allclose([float(v) for v in words[1].split()], values, atol=10.0**-places)
+    assert re.search(r"^  sRGB .*#[0-9a-f]{6}", out, re.M)
+    assert out.index("Red") < out.index("DeepBlue") < out.index("ground: reflectance 0.9")
+    assert "wrote glaze.png and spectra.csv in" in out
+
+
+@pytest.mark.parametrize(
+    ("options", "geometry", "words"),
+    [
+        (["--incidence", "45"], Bidirectional(45.0, 0.0), "light at 45°, view at 0°, no mirror"),
+        (
+            ["--viewing", "30", "--incidence", "30", "--specular"],
+            Bidirectional(30.0, 30.0, True),
+            "mirror reflection in",
+        ),
+        (["--hemispherical"], Hemispherical(8.0, True), "sphere at 8°, specular included"),
+        (["--hemispherical", "--no-specular"], Hemispherical(8.0, False), "specular excluded"),
+        (["--hemispherical", "--incidence", "20"], Hemispherical(20.0, True), "sphere at 20°"),
+    ],
+)
+def test_geometries(run, tmp_path, pigments_csv, options, geometry, words):
+    status, out, _ = run(*STACK, *options, "--csv", "s.csv", "--refractive-index", "1.4", "--substrate", "0.5")
+    assert status == 0
+    assert words in out
+    expected = spectrum(pigments_csv, geometry, 0.5, 1.4)
+    np.testing.assert_allclose(read_spectra(tmp_path / "s.csv")["glaze"], expected, atol=1e-6)
+
+
+def test_ground_from_a_file(run, tmp_path, pigments_csv):
+    grid = np.arange(420.0, 681.0, 10.0)
+    white, black = np.linspace(50, 90, grid.size), np.full(grid.size, 5.0)
+    rows = [f"{w:g},{a},{b}" for w, a, b in zip(grid, white, black, strict=True)]
+    (tmp_path / "cards.csv").write_text("\n".join(["wavelength,white card,black card", *rows]))
+    status, out, _ = run(*STACK, "--substrate", "cards.csv:white card", "--csv", "s.csv")
+    assert status == 0
+    assert "ground: white card" in out
+    assert "percent" in out
+    assert "inside the paint" in out
+    assert "420-680 nm step 20" in out
+    table = read_spectra(tmp_path / "s.csv")
+    ground = np.interp(W, grid, white / 100)
+    inside = (W >= 420) & (W <= 680)
+    expected = spectrum(pigments_csv, Bidirectional(), ground)[inside]
+    np.testing.assert_allclose(table["glaze"], expected, atol=1e-6)
+
+    status, _, err = run(*STACK, "--substrate", "cards.csv", "--out", "b.png")
+    assert status == 2
+    assert "holds 2 spectra: choose one, as cards.csv:white card" in err
+    status, _, err = run(*STACK, "--substrate", "cards.csv:grey", "--out", "b.png")
+    assert status == 2
+    assert "no spectrum 'grey'; there are white card, black card" in err
+
+
+def test_mixtures_repeats_and_the_ladder(run, tmp_path, pigments_csv):
+    layers = "0.5*Red+0.5*DeepBlue:1um x3, Red:0um, DeepBlue:1um"
+    status, out, _ = run("--layers", layers, "--csv", "s.csv", "--ladder", "deepblue")
+    assert status == 0
+    shelf = read_pigments(pigments_csv)
+    mixed = Mixture([shelf["Red"], shelf["DeepBlue"]], [0.5, 0.5])
+    glaze = Glaze([Layer(mixed, 3e-6), Layer(shelf["DeepBlue"], 1e-6)], 0.9)
+    expected = glazejax.reflectance(glaze, Bidirectional())
+    np.testing.assert_allclose(read_spectra(tmp_path / "s.csv")["glaze"], expected, atol=1e-6)
+    assert re.search(r"3 x 1 µm +=? *3 µm", out)
+    assert re.search(r"Red +0 µm +absent", out)
+    assert "Ladder of DeepBlue, one coat 1 µm" in out
+    assert out.count("40  #") == 1
+
+
+def test_warnings_and_sources(run):
+    _, out, _ = run(*STACK)
+    assert re.search(r"warning: Red at 620-700 nm: measurements fix only k/s", out)
+    assert "DeepBlue at" not in out
+    assert re.search(r"source: +Red, DeepBlue: from .*pigments.csv", " ".join(out.split()))
+    _, out, _ = run("--layers", "Red:0um,DeepBlue:1um", "--overwrite")
+    assert "warning" not in out
+
+
+def test_gamut_is_said(run):
+    _, out, _ = run("--layers", "DeepBlue:10um")
+    assert re.search(r"outside the sRGB gamut, clipped \(would need", out)
+    _, out, _ = run("--layers", "Red:0um", "--overwrite")
+    assert "outside the sRGB gamut" not in out
+
+
+@pytest.mark.parametrize("width", [40, 60, 80, 200])
+def test_lines_fit_the_terminal(run, monkeypatch, width):
+    monkeypatch.setenv("COLUMNS", str(width))
+    status, out, _ = run(*STACK, "--tolerance", "1e-4")
+    assert status == 0
+    assert max(map(len, out.splitlines())) <= width
+    assert "…" not in out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        ((), "give the layers, such as --layers"),
+        (("--layers", ""), "the list of layers is empty"),
+        (("--layers", "Red:12"), "the thickness 12 has no unit: write 12um"),
+        (("--layers", "Red:-1um"), "thickness -1um is negative"),
+        (("--layers", "0.5*Red+0.6*DeepBlue:1um"), "fractions sum to 1.1"),
+        ((*STACK, "--substrate", "90"), "--substrate is 90; .* looks like percent: write 0.9"),
+        ((*STACK, "--substrate", "-0.1"), "--substrate is -0.1"),
+        ((*STACK, "--substrate", "nan"), "--substrate is nan"),
+        ((*STACK, "--substrate", "white.csv"), "'white.csv' is neither a number .* nor a file"),
+        ((*STACK, "--illuminant", "D66"), "unknown illuminant 'D66'; the nearest are D65"),
+        ((*STACK, "--observer", "3"), "unknown observer '3'"),
+        ((*STACK, "--refractive-index", "3"), "refractive_index must be in"),
+        ((*STACK, "--incidence", "90"), "incidence must lie in"),
+        ((*STACK, "--specular", "--incidence", "45"), "45:0 the mirror reflection is not in view"),
+        ((*STACK, "--hemispherical", "--viewing", "5"), "--viewing has no meaning with --hemispherical"),
+        ((*STACK, "--ladder", "Green"), "'Green' is none of the layers: choose one of Red, DeepBlue"),
+        (("--layers", "Red:0um,DeepBlue:1um", "--ladder", "Red"), "0 thick, so there is nothing to repeat"),
+        ((*STACK, "--out", "a.txt"), "pictures end in .png"),
+        ((*STACK, "--out", "none/a.png"), "the folder none does not exist"),
+        ((*STACK, "--csv", "none/a.csv"), "the folder none does not exist"),
+        ((*STACK, "--csv", "a.png", "--out", "a.png"), "--csv and --out are both a.png"),
+        ((*STACK, "--tolerance", "0"), "tolerance is 0.0"),
+    ],
+)
+def test_bad_input_is_one_clear_line(run, tmp_path, arguments, complaint):
+    status, out, err = run(*arguments)
+    assert status == 2
+    assert out == ""
+    assert re.fullmatch(rf"error: .*{complaint}.*\n", err)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_files_are_not_overwritten_unasked(run, tmp_path):
+    for name, option in (("glaze.png", ()), ("s.csv", ("--csv", "s.csv", "--out", "other.png"))):
+        (tmp_path / name).write_text("mine")
+        status, _, err = run(*STACK, *option)
+        assert status == 2
+        assert f"{name} exists" in err
+        assert "--overwrite" in err
+        assert (tmp_path / name).read_text() == "mine"
+    status, _, _ = run(*STACK, "--csv", "s.csv", "--overwrite")
+    assert status == 0
+    assert (tmp_path / "s.csv").read_text() != "mine"
+
+
+def test_own_pigments_come_before_the_catalogue(run, monkeypatch, tmp_path):
+    grid = np.arange(400.0, 701.0, 10.0)
+    shelf = {
+        name: Pigment(name, grid, np.full(31, k), np.full(31, 1e3), provenance=f"{name} of the shelf")
+        for name, k in (("Red", 9e9), ("Ochre", 1e5))
+    }
+    monkeypatch.setattr("glazejax.catalogue.load", lambda: shelf)
+    status, out, _ = run("--layers", "Red:1um, Ochre:1um", "--csv", "s.csv")
+    assert status == 0
+    assert "Ochre of the shelf" in out
+    assert "Red of the shelf" not in out
+    assert "differ in wavelengths; everything is computed at 400-700 nm step 20" in out
+    np.testing.assert_array_equal(read_spectra(tmp_path / "s.csv").wavelengths, W)
+    status, _, err = run("--layers", "Ocre:1um", "--out", "b.png")
+    assert (status, err) == (2, "error: there is no pigment 'Ocre': the nearest are Ochre\n")
+    status, out, _ = run("--list")
+    assert status == 0
+    assert [line.split()[0] for line in out.splitlines()] == ["Red", "Ochre", "DeepBlue"]
+
+
+def test_the_installed_command(tmp_path):
+    """End to end, with the catalogue, in another process; also that nothing but its own words reaches the screen."""
+    environment = {**os.environ, "COLUMNS": "80", "GLAZEJAX_CACHE": str(tmp_path / "cache")}
+    program = [sys.executable, "-c", "from glazejax.cli import main; main()", "render"]
+
+    def call(*arguments):
+        return subprocess.run(
+            [*program, *arguments], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
+        )
+
+    good = ("--layers", "UltramarineBlue:12um,Vermillion:12um", "--substrate", "0.9", "--tolerance", "1e-3")
+    for _ in range(2):  # The second run takes its programs from the cache.
+        done = call(*good, "--overwrite")
+        assert (done.returncode, done.stderr) == (0, "")
+        assert "taken as 25 µm" in " ".join(done.stdout.split())
+        assert "warning: UltramarineBlue at" in done.stdout
+    wrong = call("--layers", "Ultramarin:12um")
+    assert wrong.returncode == 2
+    assert wrong.stdout == ""
+    assert wrong.stderr.startswith("error: ")
+    wrong = call("--layers", "Ultramarin:12um", "--out", "other.png")
+    assert wrong.stderr == "error: there is no pigment 'Ultramarin': the nearest are UltramarineBlue\n"
