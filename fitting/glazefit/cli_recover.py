@@ -1,6 +1,5 @@
 """The command `glazejax recover`: films over black and white in, pigments out."""
 
-import os
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -60,7 +59,9 @@ def recover(
 ) -> None:
     """Recover absorption k and scattering s of paints from films over a black and a white card.
 
-    Every wavelength of every film is fitted on its own, in the geometry of an integrating sphere. Writes
+    Every wavelength of every film is fitted on its own, in the geometry of an integrating sphere.
+
+    Writes
     pigments.csv (k and s in 1/m with standard deviations), fits.csv (k/s and fitted spectra) and a picture a paint.
 
     Try it without data: glazejax recover --simulate --out demo
@@ -76,8 +77,6 @@ def recover(
 
     from .films import Instrument, Noise
 
-    # XLA warns at length about each program that comes from the cache.
-    os.environ["TF_CPP_MIN_LOG_LEVEL"] = "3"
     start_jax()
     console = Console()
     instrument = Instrument(Hemispherical(incidence, specular), refractive_index)

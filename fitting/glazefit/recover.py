@@ -21,6 +21,8 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Bool, Float
 
+from glazejax import Hemispherical
+
 from .films import Films, Instrument, Noise, cards
 from .gloss import estimate_gloss
 from .linear import GramSchmidt
@@ -241,15 +243,16 @@ def recover_chunks(
     cards(films, instrument, noise)  # refuse bad cards before the first chunk
     if len(films) == 0:
         raise ValueError("there are no films to recover")
-    table = _table(instrument)
-    chunk = min(chunk, len(films))
     for first in range(0, len(films), chunk):
-        yield _recover_chunk(films.take(slice(first, first + chunk)), instrument, noise, table, chunk)
+        yield _recover_chunk(films.take(slice(first, first + chunk)), instrument, noise, chunk)
 
 
-def _recover_chunk(films: Films, instrument: Instrument, noise: Noise, table: Table, chunk: int) -> Recovery:
+def _recover_chunk(films: Films, instrument: Instrument, noise: Noise, chunk: int) -> Recovery:
     count, bands = len(films), films.wavelengths.size
     gloss = estimate_gloss(films, instrument, noise)
+    # The light inside the paint does not know what the sphere includes: one program serves both.
+    optics = Instrument(Hemispherical(instrument.geometry.incidence), instrument.refractive_index)
+    table = _table(optics)
     # The last chunk is filled up, so that one compiled program serves all.
     spare = (chunk - count) * bands
     problem = jax.tree.map(
@@ -257,7 +260,7 @@ def _recover_chunk(films: Films, instrument: Instrument, noise: Noise, table: Ta
     )
     size = chunk * bands
     nothing = Prior(jnp.zeros(size), jnp.zeros(size))
-    free = solve(problem, table, nothing, instrument)
+    free = solve(problem, table, nothing, optics)
     contrast = np.asarray((free.fitted[:, 1] - free.fitted[:, 0]) / jnp.sqrt(problem.variance.sum(axis=1)))
     apart = told_apart(np.asarray(free.optical), np.asarray(free.covariance), contrast)
     known = (apart & ~np.asarray(free.ambiguous)).reshape(-1, bands)
@@ -268,7 +271,7 @@ def _recover_chunk(films: Films, instrument: Instrument, noise: Noise, table: Ta
         np.asarray(free.least_scattering).reshape(-1, bands),
     )
     prior = Prior(jnp.asarray(mean.ravel()), jnp.asarray(weight.ravel()))
-    drawn = free if known[:count].all() else solve(problem, table, prior, instrument)
+    drawn = free if known[:count].all() else solve(problem, table, prior, optics)
     chosen = jax.tree.map(lambda a, b: np.where(known.ravel().reshape(-1, *[1] * (a.ndim - 1)), a, b), free, drawn)
 
     def cut(values: np.ndarray) -> np.ndarray:

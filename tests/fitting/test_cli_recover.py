@@ -1,0 +1,181 @@
+import csv
+import sys
+
+import numpy as np
+import pytest
+
+import glazejax.cli
+from glazefit import Films, Instrument, Noise, recover_films, simulate_films
+from glazefit.recover import recover_chunks
+from glazefit.report import ranges, slug
+from glazejax.cli import main
+
+GRID = np.arange(400.0, 701.0, 10.0)
+
+
+@pytest.fixture
+def run(monkeypatch, tmp_path, capsys):
+    """Run the command; gives exit status, output and errors."""
+    monkeypatch.chdir(tmp_path)
+    # The tests set JAX up themselves.
+    monkeypatch.setattr(glazejax.cli, "start_jax", lambda: None)
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def call(*words):
+        monkeypatch.setattr(sys, "argv", ["glazejax", "recover", *map(str, words)])
+        with pytest.raises(SystemExit) as stop:
+            main()
+        out, err = capsys.readouterr()
+        return stop.value.code or 0, out, err
+
+    return call
+
+
+def write(path, films: Films, scale=100.0, skip=()):
+    rows = [["Name", *(f"{w:g}" for w in films.wavelengths)]]
+    for i, name in enumerate(films.names):
+        parts = {"b": films.bare_black, "w": films.bare_white, "ob": films.over_black, "ow": films.over_white}
+        for end, values in parts.items():
+            if end not in skip:
+                rows.append([f"{name}_{end}", *(f"{v * scale:.6f}" for v in values[i])])
+    path.write_text("\n".join("\t".join(row) for row in rows) + "\n")
+    return path
+
+
+@pytest.fixture
+def films():
+    k = np.stack([np.geomspace(0.02, 2.0, GRID.size), np.geomspace(1.0, 0.05, GRID.size)])
+    return simulate_films(["01A", "02B"], GRID, k, np.stack([np.full(GRID.size, 1.0), np.full(GRID.size, 0.3)]))
+
+
+def test_results_are_those_of_the_library(run, tmp_path, films):
+    status, out, _ = run(write(tmp_path / "f.tsv", films), "--out", "res", "--thickness", "20")
+    assert status == 0
+    assert "20 µm is assumed" in out
+    assert "percent" in out
+    with (tmp_path / "res" / "pigments.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert list(rows[0]) == [
+        "pigment", "wavelength_nm", "absorption", "scattering", "absorption_sd", "scattering_sd", "identifiable",
+    ]  # fmt: skip
+    recovery = recover_films(films)
+    assert [row["pigment"] for row in rows] == ["01A"] * 31 + ["02B"] * 31
+    np.testing.assert_allclose(
+        [float(row["absorption"]) for row in rows], recovery.absorption.ravel() / 20e-6, rtol=1e-2
+    )
+    assert [row["identifiable"] == "True" for row in rows] == recovery.identifiable.ravel().tolist()
+    for name in ("01A.png", "02B.png"):
+        assert (tmp_path / "res" / name).read_bytes().startswith(b"\x89PNG")
+
+
+def test_names_and_masstones(run, tmp_path, films):
+    file = write(tmp_path / "f.tsv", films)
+    (tmp_path / "mixtures.tsv").write_text("01A\tRed-White|100-0\n02B\tRed-White|10-90\n")
+    status, out, _ = run(file, "--out", "res", "--masstones", "--no-plots")
+    assert status == 0
+    assert "Red" in out
+    assert "02B" not in out
+    assert not list((tmp_path / "res").glob("*.png"))
+    status, out, _ = run(file, "--out", "more", "--samples", "02B", "--no-plots")
+    assert status == 0
+    assert "02B Red 10% + White 90%" in out
+
+
+def test_simulate_says_that_nothing_was_measured(run, tmp_path):
+    status, out, _ = run("--simulate", "--samples", "ZincWhite,Minium", "--out", "res", "--no-plots")
+    assert status == 0
+    assert "Simulated" in out
+    assert "Nothing here was measured" in out
+    assert "true k lies" in out
+
+
+def test_interrupt_keeps_what_is_finished(run, tmp_path, films, monkeypatch):
+    def interrupted(films, *, instrument, noise):
+        yield next(recover_chunks(films.take([0]), instrument=instrument, noise=noise))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("glazefit.recover.recover_chunks", interrupted)
+    status, out, _ = run(write(tmp_path / "f.tsv", films), "--out", "res", "--no-plots")
+    assert status == 130
+    assert "1 of 2 films" in out
+    assert "01A" in (tmp_path / "res" / "pigments.csv").read_text()
+
+
+def spoil(text, old, new):
+    assert old in text
+    return text.replace(old, new, 1)
+
+
+def test_bad_input_is_one_line_and_status_2(run, tmp_path, films):
+    good = write(tmp_path / "f.tsv", films)
+    full = tmp_path / "full"
+    full.mkdir()
+    (full / "x").touch()
+    lines = good.read_text().splitlines()
+    variants = {
+        "short": "\n".join([*lines[:3], lines[3].rsplit("\t", 1)[0], *lines[4:]]),
+        "negative": "\n".join([*lines[:2], "01A_w\t-5" + "\t80" * 30, *lines[3:]]),
+        "nan": "\n".join([*lines[:2], "01A_w\tnan" + "\t80" * 30, *lines[3:]]),
+        "mixed": "\n".join([*lines[:2], "01A_w" + "\t0.8" * 31, *lines[3:]]),
+        "lacks": "\n".join(lines[:4]),
+    }
+    for name, text in variants.items():
+        (tmp_path / name).write_text(text + "\n")
+    cases = [
+        (["nowhere.tsv", "--out", "o"], ["nowhere.tsv", "no such file"]),
+        (["short", "--out", "o"], ["line 4", "31 cells where the header has 32"]),
+        (["negative", "--out", "o"], ["01A_w", "400", "negative"]),
+        (["nan", "--out", "o"], ["01A_w", "400", "not a finite number"]),
+        (["mixed", "--out", "o"], ["percent and fraction are mixed", "01A_w"]),
+        (["lacks", "--out", "o"], ["'01A_ow'", "paint over white"]),
+        ([good, "--out", "o", "--samples", "01a"], ["unknown sample '01a'", "nearest: '01A'"]),
+        ([good, "--out", "o", "--thickness", "0"], ["--thickness is 0", "above 0"]),
+        ([good, "--out", "o", "--masstones"], ["--names"]),
+        ([good, "--out", "o", "--noise", "-1"], ["noise", "-1"]),
+        ([good, "--out", "o", "--refractive-index", "15"], ["refractive index 15", "[1, 2.5]"]),
+        ([good, "--out", "o", "--incidence", "95"], ["incidence", "95"]),
+        ([good, "--out", full], ["full", "not empty", "--overwrite"]),
+        ([good, "--out", good], ["is a file"]),
+        ([good], ["--out"]),
+        (["--out", "o"], ["--simulate"]),
+        ([good, "--simulate", "--out", "o"], ["--simulate needs no data"]),
+        (["--simulate", "--out", "o", "--samples", "Vermilion"], ["unknown pigment 'Vermilion'", "'Vermillion'"]),
+    ]
+    for words, parts in cases:
+        status, _, err = run(*words)
+        assert status == 2, words
+        assert err.startswith("error: "), err
+        assert err.count("\n") == 1, err
+        for part in parts:
+            assert part in err, (words, err)
+        assert not (tmp_path / "o").exists(), words
+
+
+def test_overwrite(run, tmp_path, films):
+    file = write(tmp_path / "f.tsv", films)
+    (tmp_path / "res").mkdir()
+    (tmp_path / "res" / "pigments.csv").write_text("old")
+    assert run(file, "--out", "res", "--no-plots", "--overwrite")[0] == 0
+    assert "old" not in (tmp_path / "res" / "pigments.csv").read_text()
+
+
+def test_help_tells_how_to_start(run):
+    status, out, _ = run("--help")
+    assert status == 0
+    assert "glazejax recover --simulate --out demo" in out
+
+
+def test_ranges():
+    use = np.zeros(GRID.size, bool)
+    assert ranges(GRID, use) == "none"
+    use[:3] = use[5] = use[-1] = True
+    assert ranges(GRID, use) == "400-420, 450, 700 nm"
+
+
+def test_slug():
+    assert slug("03B Red 10% + White/90%") == "03B_Red_10_White_90"
+    assert slug("../..") == "paint"
+
+
+def test_instrument_defaults_are_the_commands():
+    assert (Noise(), Instrument().refractive_index) == (Noise(0.0005, 0.002), 1.5)

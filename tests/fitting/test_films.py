@@ -1,0 +1,139 @@
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from glazefit import Films, Instrument, Noise, read_films
+from glazefit.films import card_reflectance, cards, diffuse_internal_reflectance
+from glazefit.readers import is_masstone, read_names, readable_names
+from glazejax import Hemispherical
+
+ROWS = {"b": [5.0, 5.0, 5.0], "w": [80.0, 84.0, 85.0], "ob": [10.0, 12.0, 14.0], "ow": [30.0, 35.0, 40.0]}
+
+
+def table(rows=None, scale=1.0, separator=",", film="A1"):
+    rows = ROWS if rows is None else rows
+    lines = [separator.join(["Name", "400", "410", "420"])]
+    lines += [separator.join([f"{film}_{end}", *(f"{v * scale:g}" for v in row)]) for end, row in rows.items()]
+    return "\n".join(lines) + "\n"
+
+
+@pytest.fixture
+def write(tmp_path):
+    def put(text):
+        path = tmp_path / "films.csv"
+        path.write_text(text)
+        return path
+
+    return put
+
+
+@pytest.mark.parametrize("separator", [",", "\t", ";"])
+@pytest.mark.parametrize("scale", [1.0, 0.01])
+def test_percent_and_fraction_in_any_table_read_the_same(write, separator, scale):
+    films = read_films(write(table(scale=scale, separator=separator)))
+    assert films.names == ("A1",)
+    np.testing.assert_allclose(films.over_white, [[0.30, 0.35, 0.40]])
+    np.testing.assert_allclose(films.bare_black, 0.05)
+    assert bool(films.notes) == (scale == 1.0)
+
+
+BAD = {
+    "missing row": (table({e: r for e, r in ROWS.items() if e != "ow"}), "'A1' has no row 'A1_ow'"),
+    "odd name": (table() + "A1_x,1,2,3\n", "'A1_x' must end in _b"),
+    "negative": (table(ROWS | {"ob": [10.0, -2.0, 14.0]}), "line 4: sample 'A1_ob', column '410'.*negative"),
+    "nan": (table().replace("14", "nan"), "'nan' is not a finite number"),
+    "mixed units": (table(ROWS | {"ow": [0.30, 0.35, 0.40]}), "percent and fraction are mixed.*A1_ow"),
+    "wavelengths": (table() + "B1_b,1,2\n", "line 6: 3 cells where the header has 4"),
+    "swapped cards": (table(ROWS | {"b": ROWS["w"], "w": ROWS["b"]}), "are the rows swapped"),
+}
+
+
+@pytest.mark.parametrize("what", BAD)
+def test_bad_tables_are_refused_in_one_line(write, what):
+    text, message = BAD[what]
+    with pytest.raises(ValueError, match=message) as caught:
+        read_films(write(text))
+    assert "\n" not in str(caught.value)
+
+
+def test_recipes(tmp_path):
+    path = tmp_path / "mixtures.tsv"
+    path.write_text("01A\tRed-White|100-0\n02A\tRed-White|100-0\n03\tRed-White|9.7-90.3\n04\tBlue|100\n")
+    recipes = read_names(path)
+    assert recipes["01A"] == {"Red": 100.0}
+    assert [is_masstone(recipes[s]) for s in recipes] == [True, True, False, True]
+    names = readable_names(("01A", "02A", "03", "04", "05"), recipes)
+    assert names == ("01A Red", "02A Red", "03 Red 9.7% + White 90.3%", "Blue", "05")
+
+
+@pytest.mark.parametrize("line", ["01A Red|100", "01A\tRed-White|100", "01A\tRed|much", "01A\tRed"])
+def test_recipes_of_another_form_are_refused(tmp_path, line):
+    path = tmp_path / "mixtures.tsv"
+    path.write_text("00\tBlue|100\n" + line + "\n")
+    with pytest.raises(ValueError, match="line 2: expected"):
+        read_names(path)
+
+
+def fresnel(cos_air, n):
+    cos_in = np.sqrt(1 - (1 - cos_air**2) / n**2)
+    s = (cos_air - n * cos_in) / (cos_air + n * cos_in)
+    p = (n * cos_air - cos_in) / (n * cos_air + cos_in)
+    return (s**2 + p**2) / 2
+
+
+@pytest.mark.parametrize("n", [1.3, 1.5, 1.7])
+def test_internal_reflectance_is_the_integral_of_fresnel(n):
+    # 1 - r_i = (1 - r_e)/n^2, by the conservation of radiance / n^2 (Duntley 1942).
+    outside = quad(lambda c: 2 * c * fresnel(c, n), 0, 1)[0]
+    expected = 1 - (1 - outside) / n**2
+    assert diffuse_internal_reflectance(Instrument(refractive_index=n)) == pytest.approx(expected, abs=1e-5)
+
+
+@pytest.mark.parametrize("specular", [True, False])
+def test_cards_obey_saunderson(specular):
+    # Saunderson (1942): what a Lambertian ground under a smooth surface reads.
+    instrument = Instrument(Hemispherical(8.0, specular))
+    ground = np.array([[0.0, 0.025, 0.5, 0.93, 1.0]])
+    outer, inner = fresnel(np.cos(np.deg2rad(8)), 1.5), 0.59634
+    bare = specular * outer + (1 - outer) * ground * (1 - inner) / (1 - inner * ground)
+    inside, slope = card_reflectance(bare, instrument)
+    np.testing.assert_allclose(inside, ground, atol=3e-5)
+    step = 1e-6
+    numeric = (card_reflectance(bare + step, instrument)[0] - card_reflectance(bare - step, instrument)[0]) / step / 2
+    np.testing.assert_allclose(slope, numeric, rtol=1e-5)
+
+
+def test_card_without_specular_part_is_explained(write):
+    films = read_films(write(table(ROWS | {"b": [1.0, 1.0, 1.0]}, scale=0.01)))
+    with pytest.raises(ValueError, match=r"bare black card of 'A1' reads 0.0100 at 400 nm.*specular"):
+        cards(films, Instrument(), Noise())
+    assert cards(films, Instrument(Hemispherical(8.0, specular=False)), Noise())[0].max() < 0.05
+
+
+def test_too_bright_a_card_is_refused(write):
+    films = read_films(write(table(ROWS | {"w": [80.0, 84.0, 120.0]})))
+    with pytest.raises(ValueError, match=r"white card of 'A1' reads 1.2000 at 420 nm, brighter"):
+        cards(films, Instrument(), Noise())
+
+
+def test_unknown_sample_names_the_nearest(write):
+    with pytest.raises(ValueError, match="unknown sample 'a1'; nearest: 'A1'"):
+        read_films(write(table())).select(["a1"])
+
+
+def test_films_check_what_they_are_given(write):
+    films = read_films(write(table()))
+    with pytest.raises(ValueError, match="over_black of 'A1' at 410 nm is nan"):
+        dataclasses.replace(films, over_black=np.array([[0.1, np.nan, 0.2]]))
+    with pytest.raises(ValueError, match="over_white has shape"):
+        dataclasses.replace(films, over_white=np.ones((1, 2)))
+    with pytest.raises(ValueError, match="two films are called 'A1'"):
+        Films(("A1", "A1"), films.wavelengths, *[np.repeat(films.over_white, 2, axis=0)] * 4)
+
+
+@pytest.mark.parametrize(("floor", "share"), [(-1e-3, 0.002), (0.0, 0.002), (1e-3, np.nan)])
+def test_noise_must_be_positive(floor, share):
+    with pytest.raises(ValueError, match="noise"):
+        Noise(floor, share)

@@ -1,0 +1,195 @@
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from glazefit import Instrument, Noise, read_films, recover_films, simulate_films
+from glazefit.gloss import estimate_gloss
+from glazefit.model import body_reflectance, tabulate
+from glazefit.readers import is_masstone, read_names, readable_names
+from glazefit.recover import CHUNK, Prior, pose, recover_chunks, solve, starts
+from glazejax import Glaze, Hemispherical, Layer, Pigment, reflectance
+
+GRID = np.arange(400.0, 701.0, 10.0)
+INSTRUMENT = Instrument()
+
+
+@pytest.fixture(scope="module")
+def known():
+    """Films of every kind that is not opaque, and what was recovered from their noisy spectra."""
+    rng = np.random.default_rng(7)
+    count = 48
+    k = np.exp(rng.uniform(np.log(0.003), np.log(2.0), (count, GRID.size)))
+    s = np.exp(rng.uniform(np.log(0.05), np.log(12.0), (count, GRID.size)))
+    films = simulate_films([str(i) for i in range(count)], GRID, k, s, seed=11)
+    return k, s, films, recover_films(films)
+
+
+@pytest.mark.slow
+def test_truth_lies_in_the_95_percent_band(known):
+    k, s, _, recovery = known
+    lower, upper = recovery.interval()
+    truth = np.stack([k, s], axis=-1)
+    use = recovery.identifiable
+    inside = ((truth >= lower) & (truth <= upper))[use].mean(axis=0)
+    assert use.mean() > 0.8, "too few bands left to say anything"
+    # Binomial error of 1300 values is 0.6 %.
+    assert np.all((inside > 0.93) & (inside < 0.97)), inside
+
+
+def test_errors_are_as_large_as_stated_not_only_in_the_tails(known):
+    k, _, _, recovery = known
+    z = ((recovery.absorption - k) / recovery.absorption_sd)[recovery.identifiable]
+    assert np.percentile(np.abs(z), 68.3) == pytest.approx(1.0, abs=0.1)
+
+
+def test_ratio_is_known_even_where_k_and_s_are_not(known):
+    k, s, _, recovery = known
+    use = recovery.ratio_sd < 0.3 * recovery.ratio
+    inside = np.abs(recovery.ratio - k / s) < 1.96 * recovery.ratio_sd
+    assert use.mean() > 0.9
+    assert 0.92 < inside[use].mean() < 0.98
+
+
+def test_every_reading_is_met(known):
+    recovery = known[-1]
+    # Two readings, two unknowns: what is identifiable has an exact solution.
+    assert recovery.misfit[recovery.identifiable].max() < 0.1
+    assert recovery.converged[recovery.identifiable].mean() > 0.99
+
+
+def test_exact_spectra_give_exact_values():
+    rng = np.random.default_rng(3)
+    k = np.exp(rng.uniform(np.log(0.01), np.log(1.0), (4, GRID.size)))
+    s = np.exp(rng.uniform(np.log(0.1), np.log(4.0), (4, GRID.size)))
+    # Made by the forward package, which knows neither Films nor the fit.
+    cards = np.array([0.03, 0.92])
+    over, bare = [], []
+    for card in cards:
+        paints = [Glaze([Layer(Pigment("x", GRID, k[i] / 2e-5, s[i] / 2e-5), 2e-5)], card) for i in range(4)]
+        over.append(np.stack([reflectance(paint, Hemispherical(8.0), tolerance=1e-7) for paint in paints]))
+        bare.append(np.full((4, GRID.size), float(reflectance(Glaze([], card), Hemispherical(8.0))[0])))
+    films = replace(
+        simulate_films("abcd", GRID, k, s),
+        bare_black=bare[0],
+        bare_white=bare[1],
+        over_black=over[0],
+        over_white=over[1],
+    )
+    recovery = recover_films(films)
+    use = recovery.identifiable
+    assert use.mean() > 0.9
+    np.testing.assert_allclose(recovery.absorption[use], k[use], rtol=5e-3)
+    np.testing.assert_allclose(recovery.scattering[use], s[use], rtol=5e-3)
+    assert recovery.rmse.max() < 2e-5
+
+
+def test_geometry_matters():
+    film = np.full((1, GRID.size), 0.1), np.full((1, GRID.size), 1.0)
+    without = Instrument(Hemispherical(8.0, specular=False))
+    films = simulate_films(["x"], GRID, *film, instrument=without, noise=Noise(1e-6, 0.0))
+    right = recover_films(films, instrument=without, noise=Noise(1e-5, 0.0))
+    np.testing.assert_allclose(right.absorption, 0.1, rtol=1e-2)
+    with pytest.raises(ValueError, match="darker than its surface"):
+        recover_films(films, instrument=INSTRUMENT)
+
+
+def test_opaque_film_is_flagged_and_keeps_its_ratio():
+    k, s = np.full((1, GRID.size), 4.0), np.full((1, GRID.size), 20.0)
+    # One end of the spectrum can be seen through.
+    k[0, 20:], s[0, 20:] = 0.02, 3.0
+    recovery = recover_films(simulate_films(["x"], GRID, k, s, seed=2))
+    assert not recovery.identifiable[0, :20].any()
+    assert recovery.identifiable[0, 20:].all()
+    np.testing.assert_allclose(recovery.ratio[0, :20], 0.2, rtol=0.1)
+    # No telling where s is, but not at infinity.
+    assert recovery.scattering[0, :20].max() < 60
+    assert np.isfinite(recovery.covariance).all()
+
+
+def test_black_film_stays_finite():
+    k, s = np.full((1, GRID.size), 50.0), np.full((1, GRID.size), 0.01)
+    recovery = recover_films(simulate_films(["soot"], GRID, k, s))
+    assert not recovery.identifiable.any()
+    assert np.isfinite(recovery.covariance).all()
+    assert recovery.rmse[0] < 1e-3
+
+
+def test_clear_film_has_known_small_values():
+    k, s = np.full((1, GRID.size), 0.004), np.full((1, GRID.size), 0.003)
+    recovery = recover_films(simulate_films(["varnish"], GRID, k, s))
+    assert recovery.identifiable.mean() > 0.9
+    np.testing.assert_allclose(recovery.absorption, k, atol=0.005)
+
+
+def test_gloss_only_where_readings_demand_it():
+    k = np.geomspace(0.1, 30, GRID.size)[None].repeat(2, axis=0)
+    films = simulate_films(["matte", "smooth"], GRID, k, np.full((2, GRID.size), 0.3))
+    lost = np.array([[0.4], [0.0]]) * INSTRUMENT.surface
+    films = replace(films, over_black=films.over_black - lost, over_white=films.over_white - lost)
+    gloss = estimate_gloss(films, INSTRUMENT, Noise())
+    assert gloss[0] == pytest.approx(0.6, abs=0.03)
+    assert gloss[1] == 1.0
+    recovery = recover_films(films)
+    assert recovery.rmse.max() < 1e-3
+    use = recovery.identifiable
+    assert use[0].sum() > 5
+    np.testing.assert_allclose(recovery.absorption[0][use[0]], k[0][use[0]], rtol=0.15)
+
+
+def test_two_solutions_are_both_starts():
+    """The starts of a band hold each local minimum that a dense search finds."""
+    table = jax.jit(tabulate, static_argnums=0)(INSTRUMENT)
+    films = simulate_films(["x"], GRID, np.full((1, 31), 2.3), np.full((1, 31), 0.06), noise=Noise(1e-6, 0))
+    problem = pose(films, np.ones(1), INSTRUMENT, Noise())
+    first = jax.tree.map(lambda a: a[0], problem)
+    points = np.asarray(starts(first, table, Prior(jnp.zeros(()), jnp.zeros(()))).logs)
+    assert np.abs(np.exp(points) - [2.3, 0.06]).min(axis=0).max() < 0.5
+    k, s = jnp.exp(points).T[..., None]
+    read = body_reflectance(k, s, first.ground, INSTRUMENT)
+    assert np.abs(np.asarray(read) - np.asarray(first.reading)).min(axis=0).max() < 2e-3
+
+
+def test_chunks_join_to_the_whole(known):
+    _, _, films, recovery = known
+    some = films.take(slice(0, CHUNK + 3))
+    parts = list(recover_chunks(some))
+    assert [len(part) for part in parts] == [CHUNK, 3]
+    np.testing.assert_allclose(parts[1].absorption, recovery.absorption[CHUNK : CHUNK + 3], rtol=1e-6)
+
+
+@pytest.mark.slow
+def test_compiled_program_calls_no_library_for_linear_algebra():
+    size = 2
+    problem = jax.tree.map(
+        jnp.asarray, pose(simulate_films(["x"], GRID[:2], *[np.ones((1, 2))] * 2), np.ones(1), INSTRUMENT, Noise())
+    )
+    table = jax.jit(tabulate, static_argnums=(0, 1))(INSTRUMENT, (20, 12))
+    prior = Prior(jnp.zeros(size), jnp.zeros(size))
+    compiled = solve.lower(problem, table, prior, INSTRUMENT).compile().as_text()
+    assert compiled is not None
+    assert "lapack_" not in compiled
+    assert "while" in compiled, "the solver's loop is missing: is this the program that runs?"
+
+
+@pytest.mark.slow
+def test_masstones_of_the_revigo_data_are_reproduced_to_the_noise(shared_data):
+    films = read_films(shared_data / "revigo" / "reflectance.tsv")
+    recipes = read_names(shared_data / "revigo" / "mixtures.tsv")
+    films = films.select([name for name in films.names if is_masstone(recipes[name])])
+    films = replace(films, names=readable_names(films.names, recipes))
+    recovery = recover_films(films)
+    assert len(recovery) == 19
+    assert recovery.rmse.max() < 1e-3
+    assert recovery.delta_e("D65").max() < 0.6
+    assert recovery.delta_e("A").max() < 0.6
+    named = dict(zip(films.names, range(19), strict=True))
+    # Found with another program (numerics.md, section 8).
+    white, chalk = (recovery.scattering[named[n]] for n in ("ZincWhite", "CalciumCarbonate"))
+    assert 8 < white[5:].min() < white[5:].max() < 21
+    assert 0.11 < chalk.min() < chalk.max() < 0.21
+    assert recovery.gloss[named["UltramarineBlue"]] == pytest.approx(0.52, abs=0.05)
+    assert np.delete(recovery.gloss, named["UltramarineBlue"]).min() == 1.0
+    assert not recovery.identifiable[named["Vermillion"]].any()
