@@ -54,6 +54,14 @@ def test_curves_are_chroma_and_lightness(figure, rendering):
     np.testing.assert_allclose(figure.axes[4].lines[1].get_ydata(), colours[:, 0])
 
 
+def test_labels_of_curves_stay_apart_and_inside(figure):
+    for axes in figure.axes[3:]:
+        heights = sorted(text.get_position()[1] for text in axes.texts)
+        assert len(heights) == 3
+        assert min(np.diff(heights)) >= 0.19 * axes.get_ylim()[1]
+        assert heights[-1] <= axes.get_ylim()[1]
+
+
 def test_long_titles_shrink_and_are_cut_to_fit(figure, rendering):
     longer = plots.glaze_figure(rendering, ["Red", "Blue", "Nothing"], title="Word " * 21)
     cut, whole = figure.texts[0], longer.texts[0]

@@ -246,6 +246,13 @@ def test_own_pigments_come_before_the_catalogue(run, monkeypatch, tmp_path):
     assert [line.split()[0] for line in out.splitlines()] == ["Red", "Ochre", "DeepBlue"]
 
 
+def test_help_fits_and_tells_defaults(run):
+    status, out, _ = run("--help", pigments=None)
+    assert status == 0
+    assert "Default: 0, or 8 with --hemispherical." in " ".join(re.sub("[│\n]", " ", out).split())
+    assert "…" not in out
+
+
 def test_the_installed_command(tmp_path):
     """End to end, with the catalogue, in another process; also that nothing but its own words reaches the screen."""
     environment = {**os.environ, "COLUMNS": "80", "GLAZEJAX_CACHE": str(tmp_path / "cache")}

@@ -26,8 +26,8 @@ def render(
         str | None,
         typer.Option(
             "--layers",
-            help='Coats from top to bottom, "UltramarineBlue:12um,Vermillion:12um". Mixtures: '
-            '"0.7*ZincWhite+0.3*CobaltBlue:20um". Several equal coats: "Eosin:5um x3". Units: um, µm, mm, nm, m.',
+            help='Coats from top to bottom: "UltramarineBlue:12um, Vermillion:12um". Mixtures: '
+            '"0.7*ZincWhite + 0.3*CobaltBlue:20um". Equal coats: "Eosin:5um x3". Units: um, µm, mm, nm, m.',
             show_default=False,
         ),
     ] = None,
@@ -39,12 +39,13 @@ def render(
     incidence: Annotated[
         float | None,
         typer.Option(
-            help="Angle of the light from the normal, degrees. [default: 0; 8 if --hemispherical]", show_default=False
+            help="Angle of the light from the normal, degrees. Default: 0, or 8 with --hemispherical.",
+            show_default=False,
         ),
     ] = None,
     viewing: Annotated[
         float | None,
-        typer.Option(help="Angle of the view from the normal, degrees. [default: 0]", show_default=False),
+        typer.Option(help="Angle of the view from the normal, degrees. Default: 0.", show_default=False),
     ] = None,
     hemispherical: Annotated[
         bool, typer.Option("--hemispherical", help="An integrating sphere collects all light, instead of one view.")
@@ -53,7 +54,7 @@ def render(
         bool | None,
         typer.Option(
             "--specular/--no-specular",
-            help="Mirror reflection of the surface included. [default: yes if --hemispherical, else no]",
+            help="Mirror reflection of the surface included. Default: with --hemispherical only.",
             show_default=False,
         ),
     ] = None,
@@ -66,7 +67,7 @@ def render(
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")] = False,
     ladder: Annotated[
         str | None,
-        typer.Option(help="Paint of the layer that the ladder repeats. [default: the top layer]", show_default=False),
+        typer.Option(help="Paint of the layer that the ladder repeats. Default: the top layer.", show_default=False),
     ] = None,
     pigments: Annotated[
         Path | None,
@@ -81,10 +82,11 @@ def render(
 ) -> None:
     """Colour of a glaze: reflectance, XYZ, Lab and sRGB, and a picture.
 
-    The picture shows the spectrum, a swatch, and a ladder: the colour of 1 to 40 coats of one layer as computed
-    here, beside what "multiply" layers of digital painting and plain mixing would give.
+    The picture shows the spectrum, a swatch, and a ladder: the colour of
+    1 to 40 coats of one layer as computed here, beside what "multiply"
+    layers of digital painting and plain mixing would give.
 
-    Example: glazejax render --layers "UltramarineBlue:12um,Vermillion:12um" --substrate 0.9
+    Example: glazejax render --layers "CobaltBlue:1um, ChromeYellow:10um"
     """
     started = time.perf_counter()
     from rich.console import Console
@@ -141,17 +143,6 @@ def render(
     )
     solved = time.perf_counter() - solving
     scene = report.Scene(coats, bed.words, refractive_index, seen, illuminant, observer)
-    report.print_stack(console, scene)
-    report.print_spectrum(console, rendering)
-    report.print_colour(console, rendering, scene)
-    report.print_comparison(console, rendering, scene)
-    report.print_ladder(console, rendering, scene)
-    used = {name: shelf[name] for coat in coats if coat.total > 0 for weight, name in coat.parts if weight > 0}
-    remarks = [("note", words) for words in bed.notes] + _remarks(used)
-    if rendering.ladder.capped:
-        remarks.append(("note", "coats of the ladder that reach 10 mm are shown at 10 mm"))
-    report.print_remarks(console, remarks)
-
     coat = coats[repeated]
     present = [f"{coat.name} {coat.size}" for coat in coats if coat.total > 0]
     figure = glaze_figure(
@@ -164,9 +155,21 @@ def render(
         illuminant=illuminant,
         observer=observer,
     )
+    # Files first: a pager that closes early must not lose them.
     figure.savefig(out, dpi=100)
     if csv is not None:
         _write_table(csv, rendering, coats, overwrite)
+
+    report.print_stack(console, scene)
+    report.print_spectrum(console, rendering)
+    report.print_colour(console, rendering, scene)
+    report.print_comparison(console, rendering, scene)
+    report.print_ladder(console, rendering, scene)
+    used = {name: shelf[name] for coat in coats if coat.total > 0 for weight, name in coat.parts if weight > 0}
+    remarks = [("note", words) for words in bed.notes] + _remarks(used)
+    if rendering.ladder.capped:
+        remarks.append(("note", "coats of the ladder that reach 10 mm are shown at 10 mm"))
+    report.print_remarks(console, remarks)
     files = str(out) if csv is None else f"{out} and {csv}"
     total = time.perf_counter() - started
     console.print()

@@ -260,11 +260,15 @@ def _draw_curves(chroma: "Axes", lightness: "Axes", paint: _Paint) -> None:
         axes.locator_params(axis="y", nbins=4)
         axes.grid(color=_GRID, lw=1)
         axes.set_axisbelow(True)
-        at = -np.inf
-        for value, key in sorted((float(values[-1]), key) for key, values in curves.items()):
-            at = max(value, at + 0.21 * highest)
+        ends = sorted((float(values[-1]), key) for key, values in curves.items())
+        gap, at = 0.21 * highest, -np.inf
+        heights = [at := max(value, at + gap) for value, _ in ends]
+        # Pushed up where they would meet, and all of them down again if the uppermost leaves the panel.
+        for i in reversed(range(len(heights))):
+            heights[i] = min(heights[i], 0.98 * highest - (len(heights) - 1 - i) * gap)
+        for height, (value, key) in zip(heights, ends, strict=True):
             axes.annotate(
-                _WAYS[key][0], (last, value), (last + 0.9, at), va="center", fontsize=13,
+                _WAYS[key][0], (last, value), (last + 0.9, height), va="center", fontsize=13,
                 fontweight="bold" if key == "glaze" else "normal", annotation_clip=False,
             )  # fmt: skip
     chroma.tick_params(labelbottom=False)
