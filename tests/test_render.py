@@ -253,6 +253,7 @@ def test_help_fits_and_tells_defaults(run):
     assert "…" not in out
 
 
+@pytest.mark.slow
 def test_the_installed_command(tmp_path):
     """End to end, with the catalogue, in another process; also that nothing but its own words reaches the screen."""
     environment = {**os.environ, "COLUMNS": "80", "GLAZEJAX_CACHE": str(tmp_path / "cache")}
