@@ -129,8 +129,9 @@ def test_films_check_what_they_are_given(write):
         dataclasses.replace(films, over_black=np.array([[0.1, np.nan, 0.2]]))
     with pytest.raises(ValueError, match="over_white has shape"):
         dataclasses.replace(films, over_white=np.ones((1, 2)))
+    twice = np.repeat(films.over_white, 2, axis=0)
     with pytest.raises(ValueError, match="two films are called 'A1'"):
-        Films(("A1", "A1"), films.wavelengths, *[np.repeat(films.over_white, 2, axis=0)] * 4)
+        Films(("A1", "A1"), films.wavelengths, twice, twice, twice, twice)
 
 
 @pytest.mark.parametrize(("floor", "share"), [(-1e-3, 0.002), (0.0, 0.002), (1e-3, np.nan)])
