@@ -36,7 +36,31 @@ class Directions(NamedTuple):
 
 # Crowding c of n = 2, 3, ... graded nodes that makes the largest error of int_0^1 x e^(-D/x) dx over all D, the
 # slowest integral of a thin layer, smallest (`python -m benchmarks.calibrate_directions` prints the search).
-_CROWDING = (0.0, 0.3, 0.6, 1.1, 1.4, 1.7, 2.0, 2.2, 2.4, 2.6, 2.8, 3.0, 3.1, 3.3, 3.5, 3.6, 3.8, 3.9, 4.1, 4.2, 4.4, 4.5, 4.6)
+_CROWDING = (
+    0.0,
+    0.3,
+    0.6,
+    1.1,
+    1.4,
+    1.7,
+    2.0,
+    2.2,
+    2.4,
+    2.6,
+    2.8,
+    3.0,
+    3.1,
+    3.3,
+    3.5,
+    3.6,
+    3.8,
+    3.9,
+    4.1,
+    4.2,
+    4.4,
+    4.5,
+    4.6,
+)
 
 
 def gauss(count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -124,9 +124,7 @@ def decay_integral(a: Float[Array, "..."], depth: Float[Array, "..."]) -> Float[
     return depth * phi(a * depth)
 
 
-def two_decays(
-    a: Float[Array, "..."], b: Float[Array, "..."], depth: Float[Array, "..."]
-) -> Float[Array, "..."]:
+def two_decays(a: Float[Array, "..."], b: Float[Array, "..."], depth: Float[Array, "..."]) -> Float[Array, "..."]:
     """Integral of exp(-a (depth - t)) exp(-b t) over the layer: (e^-a D - e^-b D) / (b - a).
 
     Written so that a = b, where the usual form is 0/0, is an ordinary point.

@@ -10,35 +10,6 @@ from jaxtyping import Array, Float
 _BLOCK = 4
 
 
-def _mT(a: Array) -> Array:
-    return jnp.swapaxes(a, -1, -2)
-
-
-def absorb_diagonal(
-    z: Float[Array, "*batch n n"], t: Float[Array, "*batch n"]
-) -> Float[Array, "*batch n n"]:
-    """(Z^-1 + diag t)^-1 = (I + Z diag t)^-1 Z for a symmetric Z >= 0 and t >= 0.
-
-    Each step is a symmetric low-rank downdate whose pivots 1 + t_j W_jj are at least one, so nothing
-    needs pivoting and t = 0, or a singular Z, is harmless.
-    """
-    n = z.shape[-1]
-    w = z
-    for start in range(0, n, _BLOCK):
-        block = slice(start, min(start + _BLOCK, n))
-        t_block = t[..., block]
-        small = w[..., block, block]
-        for j in range(small.shape[-1]):
-            row = small[..., j, :]
-            factor = t_block[..., j] / (1.0 + t_block[..., j] * row[..., j])
-            small = small - (factor[..., None] * row)[..., :, None] * row[..., None, :]
-        identity = jnp.eye(small.shape[-1], dtype=z.dtype)
-        middle = t_block[..., :, None] * (identity - small * t_block[..., None, :])
-        columns = w[..., :, block]
-        w = w - (columns @ middle) @ _mT(columns)
-    return w
-
-
 def solve_positive(a: Float[Array, "*batch n n"], b: Float[Array, "*batch n m"]) -> Float[Array, "*batch n m"]:
     """Solve A x = b for a symmetric positive definite A (or one that a diagonal scaling makes so).
 

@@ -37,7 +37,7 @@ from jaxtyping import Array
 from glazejax.radiative.directions import Directions, Resolution, half_range
 from glazejax.radiative.fresnel import cos_refracted, dielectric_reflectance
 from glazejax.radiative.kernels import decay_integral, sech_sqrt, tanhc_sqrt, two_decays
-from glazejax.radiative.linalg import absorb_diagonal, solve_positive
+from glazejax.radiative.linalg import solve_positive
 from glazejax.radiative.modes import Modes, layer_modes
 
 # Modes slower than this take the form that is even in kappa; no beam (decay >= 1) resonates with them.
@@ -88,6 +88,8 @@ class Medium(NamedTuple):
 
     modes: Modes  # (layers, batch, ...)
     tanh: Array  # (layers, batch, n), T
+    root: Array  # (layers, batch, n), sqrt(T/D), positive for an empty layer too
+    thickness: Array  # (layers, batch), D
     sech: Array  # (layers, batch, n), S
     interface: Array  # (n,) or (batch, n): (1 - R)/((1 + R) mu)
     ground_diagonal: Array  # (n,) or (batch, n): 1/mu
@@ -116,9 +118,12 @@ def _medium(stack: Stack, directions: Directions) -> Medium:
     modes = layer_modes(albedo, directions.cosines, directions.weights)
     argument = modes.decay_squared * (thickness**2)[..., None]
     mu, weights, r = (jnp.asarray(a, albedo.dtype) for a in directions)
+    per_thickness = tanhc_sqrt(argument)
     return Medium(
         modes,
-        thickness[..., None] * tanhc_sqrt(argument),
+        thickness[..., None] * per_thickness,
+        jnp.sqrt(per_thickness),
+        thickness,
         sech_sqrt(argument),
         (1.0 - r) / ((1.0 + r) * mu),
         1.0 / mu,
@@ -213,34 +218,36 @@ def _solve(medium: Medium, loads: tuple[Load, ...]) -> tuple[Field, ...]:
     impedance = diagonal[:, :, None] * jnp.eye(n, dtype=diagonal.dtype)
     impedance -= medium.ground_factor[:, None, None] * vector[:, :, None] * vector[:, None, :]
 
+    identity = jnp.eye(n, dtype=diagonal.dtype)
+
     def up(carry, layer):
         z, s = carry
-        (lam, y, _), t, sech, b_top, b_bottom = layer
+        (lam, y, _), t, root, depth, sech, b_top, b_bottom = layer
         yt = jnp.swapaxes(y, -1, -2)
-        w = absorb_diagonal(yt @ z @ y, t)
-        s = yt @ s
-        driving = s + w @ (b_bottom - t[..., None] * s)
-        above = sech[..., :, None] * w * sech[..., None, :] + (lam * t)[..., None] * jnp.eye(n, dtype=z.dtype)
-        s_above = b_top + sech[..., None] * driving
-        return (y @ above @ yt, y @ s_above), (w, s)
+        z, s = yt @ z @ y, yt @ s
+        # P = (I + Z T)^-1, scaled to a symmetric matrix: exact for an empty layer, and small where T is large.
+        scaled = root[..., :, None] * z * root[..., None, :]
+        inverse = solve_positive(identity + depth[..., None, None] * scaled, jnp.broadcast_to(identity, z.shape))
+        p = inverse * (root[..., None, :] / root[..., :, None])
+        w = p @ z
+        above = sech[..., :, None] * w * sech[..., None, :] + (lam * t)[..., None] * identity
+        s_above = b_top + sech[..., None] * (p @ (s + z @ b_bottom))
+        return (y @ above @ yt, y @ s_above), (z, p, s)
 
-    layers = (modes, medium.tanh, medium.sech, stacked("layer_top"), stacked("layer_bottom"))
-    (z, s), (absorbed, source) = _scan(up, (impedance, stacked("ground")), layers, reverse=True)
+    layers = (modes, medium.tanh, medium.root, medium.thickness, medium.sech)
+    loaded = (*layers, stacked("layer_top"), stacked("layer_bottom"))
+    (z, s), (impedances, transfers, sources) = _scan(up, (impedance, stacked("ground")), loaded, reverse=True)
     interface = jnp.broadcast_to(medium.interface, (batch, n))
-    z += interface[..., None] * jnp.eye(n, dtype=z.dtype)
-    sigma_top = solve_positive(z, s + stacked("top"))
+    sigma_top = solve_positive(z + interface[..., None] * identity, s + stacked("top"))
 
     def down(sigma, layer):
-        (_, y, _), t, sech, b_bottom, w, s = layer
-        yt = jnp.swapaxes(y, -1, -2)
-        y0 = yt @ sigma
-        u = sech[..., None] * y0 - b_bottom
-        f = w @ (u + t[..., None] * s) - s
-        below = y @ (u - t[..., None] * f)
-        return below, (y0, f)
+        (_, y, _), t, sech, b_bottom, z, p, s = layer
+        y0 = jnp.swapaxes(y, -1, -2) @ sigma
+        below = jnp.swapaxes(p, -1, -2) @ (sech[..., None] * y0 - b_bottom + t[..., None] * s)
+        return y @ below, (y0, z @ below - s)
 
-    layers = (modes, medium.tanh, medium.sech, stacked("layer_bottom"), absorbed, source)
-    ground, (y0, f) = _scan(down, sigma_top, layers)
+    loaded = (modes, medium.tanh, medium.sech, stacked("layer_bottom"), impedances, transfers, sources)
+    ground, (y0, f) = _scan(down, sigma_top, loaded)
     return tuple(Field(y0[..., i], f[..., i], ground[..., i]) for i in range(len(loads)))
 
 

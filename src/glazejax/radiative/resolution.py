@@ -6,6 +6,8 @@ from glazejax.radiative.directions import Resolution
 
 # Below this index the internal reflectance rises within a sliver of directions above the critical angle.
 _NEAR_ONE = 1.07
+# No real medium; but asked for, it gets the directions that its almost singular interface needs.
+_SLIVER = 1.0001
 
 
 class _Row(NamedTuple):
@@ -23,10 +25,10 @@ _ROWS = (
     _Row(1e-4, 5, 6, 8, 7),
     _Row(1e-5, 6, 8, 11, 8),
     _Row(1e-6, 7, 9, 12, 10),
-    _Row(1e-7, 8, 12, 14, 12),
-    _Row(1e-8, 9, 15, 17, 15),
-    _Row(1e-9, 11, 17, 20, 17),
-    _Row(1e-10, 12, 20, 23, 20),
+    _Row(1e-7, 8, 12, 14, 13),
+    _Row(1e-8, 9, 15, 17, 16),
+    _Row(1e-9, 11, 17, 20, 19),
+    _Row(1e-10, 12, 20, 23, 24),
 )
 
 
@@ -46,6 +48,8 @@ def resolve(tolerance: float, lowest_index: float, highest_index: float) -> Reso
     row = next((row for row in _ROWS if row.tolerance <= tolerance * (1 + 1e-9)), _ROWS[-1])
     if highest_index == 1.0:
         return Resolution(row.single, 0, crowded=True)
+    if 1.0 < lowest_index < _SLIVER:
+        return Resolution(3 * row.near_cone // 2 + 1, row.total, crowded=True)
     if lowest_index < _NEAR_ONE:
         return Resolution(row.near_cone, row.total, crowded=True)
     return Resolution(row.cone, row.total, crowded=False)

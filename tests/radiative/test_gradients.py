@@ -1,0 +1,152 @@
+"""Derivatives against high-order finite differences, at interior points and at the ends of every range."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from glazejax import stack_hemispherical_reflectance, stack_reflectance_factor
+from glazejax.radiative.fresnel import dielectric_reflectance
+
+from .cases import CENTRAL, FORWARD, LAYERS, random_cases, reference_cases
+
+
+def directional(cosines, hemispherical, tolerance=1e-8):
+    """f(albedo, thickness, ground, index) at fixed directions."""
+    ci, cv = cosines
+    if hemispherical:
+        return lambda q, d, g, n: stack_hemispherical_reflectance(
+            q, d, g, refractive_index=n, cos_incidence=ci, tolerance=tolerance
+        )
+    return lambda q, d, g, n: stack_reflectance_factor(
+        q, d, g, refractive_index=n, cos_incidence=ci, cos_viewing=cv, tolerance=tolerance
+    )
+
+
+def gradient(f, q, d, g, n):
+    """Each stack's own derivatives, by one reverse pass: stacks do not mix."""
+    return jax.grad(lambda *a: f(*a).sum(), argnums=(0, 1, 2, 3))(q, d, g, jnp.broadcast_to(n, g.shape))
+
+
+def difference(f, arguments, which, step, rule, column=None):
+    """Finite difference of every stack at once by one argument (one layer of it)."""
+    total = 0.0
+    nodes, weights = rule
+    for node, weight in zip(nodes, weights, strict=True):
+        moved = [np.array(a, dtype=float) for a in arguments]
+        target = moved[which] if column is None else moved[which][:, column]
+        target += node * np.broadcast_to(step, target.shape)
+        total = total + weight * np.asarray(f(*moved))
+    return total / step
+
+
+# Rounding of one reflectance in the difference's sum of nine.
+NOISE = 5e-14
+
+
+def close(found, expected, scale):
+    """Relative 1e-6, down to the rounding of the difference itself."""
+    return np.all(np.abs(found - expected) <= 1e-6 * np.abs(expected) + scale)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("hemispherical", [False, True])
+@pytest.mark.parametrize("index", [1.33, 1.5])
+def test_reference_stacks(shared_reference, index, hemispherical):
+    c = reference_cases(shared_reference)[index]
+    f = directional((c.cos_incidence, c.cos_viewing), hemispherical)
+    n = np.full(len(c.ground), index)
+    arguments = (c.albedo, c.optical_thickness, c.ground, n)
+    found = gradient(f, *arguments)
+    for layer in range(LAYERS):
+        present = c.optical_thickness[:, layer] > 0
+        q = c.albedo[:, layer]
+        step = np.where(present, np.minimum(1e-2, 0.1 * np.minimum(q, 1 - q)), 1e-3)
+        moved = (np.where(present[:, None], c.albedo, 0.5), *arguments[1:])
+        expected = difference(f, moved, 0, step, CENTRAL, layer)
+        assert close(found[0][present, layer], expected[present], (NOISE / step)[present]), "albedo"
+        step = np.where(present, 0.03 * c.optical_thickness[:, layer], 1e-3)
+        moved = (c.albedo, np.where(present[:, None], c.optical_thickness, 0.1), *arguments[2:])
+        expected = difference(f, moved, 1, step, CENTRAL, layer)
+        assert close(found[1][present, layer], expected[present], (NOISE / step)[present]), "thickness"
+    inside = (c.ground > 0) & (c.ground < 1)
+    expected = difference(f, (*arguments[:2], np.where(inside, c.ground, 0.5), n), 2, 1e-2, CENTRAL)
+    assert close(np.asarray(found[2])[inside], expected[inside], NOISE / 1e-3), "ground"
+    expected = difference(f, arguments, 3, 1e-2, CENTRAL)
+    assert close(found[3], expected, NOISE / 1e-3), "index"
+
+
+@pytest.mark.parametrize("hemispherical", [False, True])
+def test_ends_of_every_range(hemispherical):
+    # Every combination of albedo 0, 1, thickness 0, ground 0, 1 in the upper of two layers.
+    q1, d1, g = (a.ravel() for a in np.meshgrid([0.0, 1.0], [0.0, 0.4, 4.0], [0.0, 1.0], indexing="ij"))
+    count = len(g)
+    pad = np.zeros((count, LAYERS - 2))
+    q = np.column_stack([q1, np.full(count, 0.7), pad])
+    d = np.column_stack([d1, np.full(count, 0.5), pad])
+    # Near zero thickness the reflectance bends within the smallest cosine, so few directions and small steps.
+    f = directional((np.full(count, 0.8), np.full(count, 0.6)), hemispherical, tolerance=1e-3)
+    arguments = (q, d, g, np.full(count, 1.5))
+    found = gradient(f, *arguments)
+    step = np.where(q1 == 0, 5e-3, -5e-3 / (1 + d1**2))
+    assert close(found[0][:, 0], difference(f, arguments, 0, step, FORWARD, 0), NOISE / np.abs(step))
+    step = np.where(d1 == 0, 2e-5, 1e-3)
+    assert close(found[1][:, 0], difference(f, arguments, 1, step, FORWARD, 0), NOISE / step)
+    step = np.where(g == 0, 1e-2, -1e-2)
+    assert close(found[2], difference(f, arguments, 2, step, FORWARD), NOISE / 1e-2)
+    # Absent layers below: their albedo does not matter, their thickness does.
+    assert np.max(np.abs(found[0][:, 2:])) < 1e-14
+    assert close(found[1][:, 3], difference(f, arguments, 1, 2e-5, FORWARD, 3), NOISE / 2e-5)
+
+
+def test_first_trace_of_an_absorbing_layer():
+    # dR/dD at D = 0 over a white ground, in closed form: no scattering, R = T T rho e^(-aD)/(1 - rho K(D)) / n^2.
+    index, mu = 1.5, 1.0
+    critical = np.sqrt(1 - 1 / index**2)
+
+    def reflected(power):
+        def cone(cos):
+            return dielectric_reflectance(np.sqrt(max(1 - index**2 * (1 - cos**2), 0.0)), index) * cos**power
+
+        return quad(cone, critical, 1, epsabs=1e-13)[0] + critical ** (power + 1) / (power + 1)
+
+    k, slope_k = 2 * reflected(1), -4 * reflected(0)
+    enter = 1 - dielectric_reflectance(mu, index)
+    value = enter**2 / index**2 / (1 - k)
+    exact = value * (-2.0 + slope_k / (1 - k))
+    found = jax.grad(lambda d: stack_reflectance_factor([0.0], d, 1.0, tolerance=1e-8))(jnp.zeros(1))
+    assert found[0] == pytest.approx(exact, rel=1e-6)
+
+
+def test_conservative_thick_layer():
+    # The trap: autodiff through sqrt(1 - q) gave 4.3 here; differences say some 300.
+    f = directional((np.array([0.9]), np.array([0.7])), False)
+    arguments = (np.array([[1.0]]), np.array([[100.0]]), np.array([0.5]), np.array([1.5]))
+    found = gradient(f, *arguments)[0][0, 0]
+    expected = difference(f, arguments, 0, -2e-6, FORWARD, 0)[0]
+    assert found == pytest.approx(expected, rel=1e-6)
+    assert found > 100
+
+
+def test_forward_mode_reverse_mode_and_second_derivatives_agree():
+    q, d, g, ci, cv = (a[:4] for a in random_cases(4))
+    f = directional((ci, cv), False)
+    reverse = jax.grad(lambda q: f(q, d, g, 1.5).sum())(jnp.asarray(q))
+    direction = np.random.default_rng(0).normal(size=q.shape)
+    _, forward = jax.jvp(lambda q: f(q, d, g, 1.5), (jnp.asarray(q),), (jnp.asarray(direction),))
+    assert np.allclose(forward, np.sum(reverse * direction, axis=1), rtol=1e-12)
+    slope = jax.grad(lambda q: f(q, d, g, 1.5).sum())
+    _, curvature = jax.jvp(slope, (jnp.asarray(q),), (jnp.asarray(direction),))
+    h = 1e-4
+    expected = (slope(jnp.asarray(q + h * direction)) - slope(jnp.asarray(q - h * direction))) / (2 * h)
+    assert np.allclose(curvature, expected, rtol=1e-5, atol=1e-6)
+
+
+def test_only_what_is_asked_for_is_differentiated():
+    # A fixed index must not drag its own derivative into the program.
+    q, d, g, _, _ = (a[:2] for a in random_cases(2))
+    narrow = jax.jit(jax.grad(lambda g: stack_reflectance_factor(q, d, g).sum())).lower(g).compile()
+    wide = jax.jit(jax.grad(lambda g, q, d: stack_reflectance_factor(q, d, g).sum(), (0, 1, 2))).lower(g, q, d)
+    flops = [program.cost_analysis()["flops"] for program in (narrow, wide.compile())]
+    assert flops[0] < flops[1]

@@ -1,0 +1,244 @@
+"""Edges, extremes, batches, single precision and bulk use: finite, right, and never a hang."""
+
+import itertools
+import re
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+
+import hypothesis.strategies as st
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import example, given
+
+from glazejax import stack_hemispherical_reflectance, stack_reflectance_factor
+from glazejax.radiative.directions import half_range
+from glazejax.radiative.fresnel import dielectric_reflectance
+from glazejax.radiative.resolution import resolve
+
+from .cases import (
+    EDGE_ALBEDO,
+    EDGE_COSINE,
+    EDGE_GROUND,
+    EDGE_THICKNESS,
+    LAYERS,
+    random_cases,
+    reference_cases,
+)
+
+_value_and_gradient = jax.jit(
+    jax.value_and_grad(
+        lambda q, d, g, ci, cv: stack_reflectance_factor(
+            q, d, g, cos_incidence=ci, cos_viewing=cv, tolerance=1e-4
+        ).sum(),
+        argnums=(0, 1, 2, 3, 4),
+    )
+)
+_flux = jax.jit(
+    jax.value_and_grad(
+        lambda q, d, g, ci: stack_hemispherical_reflectance(q, d, g, cos_incidence=ci, tolerance=1e-4).sum(),
+        argnums=(0, 1, 2, 3),
+    )
+)
+
+unit = st.one_of(st.sampled_from(EDGE_ALBEDO), st.floats(0, 1))
+depth = st.one_of(st.sampled_from(EDGE_THICKNESS), st.floats(0, 1e6))
+cosine = st.one_of(st.sampled_from(EDGE_COSINE), st.floats(1e-4, 1))
+
+
+def finite(tree) -> bool:
+    return all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in jax.tree.leaves(tree))
+
+
+@given(
+    st.lists(unit, min_size=LAYERS, max_size=LAYERS),
+    st.lists(depth, min_size=LAYERS, max_size=LAYERS),
+    st.floats(0, 1),
+    cosine,
+    cosine,
+)
+@example([1.0] * 5, [1e6] * 5, 1.0, 1e-4, 1.0)
+@example([0.0] * 5, [0.0] * 5, 0.0, 1.0, 1.0)
+@example([1 - 1e-15, 1e-300, 1.0, 0.0, 0.5], [1e3, 1e-12, 1e-6, 1e6, 0.0], 1.0, 1e-4, 1e-4)
+def test_any_stack_is_finite_and_conserves_energy(albedo, thickness, ground, ci, cv):
+    q, d = jnp.array([albedo]), jnp.array([thickness])
+    g, ci, cv = jnp.array([ground]), jnp.array([ci]), jnp.array([cv])
+    factor = _value_and_gradient(q, d, g, ci, cv)
+    flux = _flux(q, d, g, ci)
+    assert finite(factor)
+    assert finite(flux)
+    assert factor[0] >= -1e-12
+    assert -1e-12 <= flux[0] <= 1 - dielectric_reflectance(float(ci[0]), 1.5) + 1e-12
+    # More scattering in place of absorption, or a paler ground, never darkens.
+    assert jnp.all(factor[1][0] >= -1e-9 * (1 + d))
+    assert factor[1][2][0] >= -1e-9
+
+
+def test_every_combination_of_edges():
+    edges = list(itertools.product(EDGE_ALBEDO, EDGE_THICKNESS, EDGE_GROUND, EDGE_COSINE, EDGE_COSINE))
+    a, t, g, ci, cv = map(jnp.asarray, np.array(edges).T)
+    q = jnp.stack([a, jnp.full_like(a, 0.6), a, a, a], axis=1)
+    d = jnp.stack([t, jnp.full_like(a, 0.2), t, t, t], axis=1)
+    for index in (1.0, 1.5):
+
+        def f(q, d, g, ci, cv, index=index):
+            return stack_reflectance_factor(
+                q, d, g, refractive_index=index, cos_incidence=ci, cos_viewing=cv, tolerance=1e-4
+            )
+
+        value, pull = jax.vjp(f, q, d, g, ci, cv)
+        assert finite((value, pull(jnp.ones_like(value))))
+        assert jnp.all(value >= -1e-12)
+
+
+@pytest.mark.parametrize("count", [1, 40])
+def test_many_layers(count):
+    rng = np.random.default_rng(count)
+    q, d = rng.uniform(0, 1, (3, count)), 10 ** rng.uniform(-2, 0.5, (3, count))
+    many = stack_reflectance_factor(q, d, 0.5)
+    # Equal neighbours may be joined, so a stack of equal layers has a one-layer twin.
+    same = stack_reflectance_factor(np.repeat(q[:, :1], count, 1), d, 0.5)
+    one = stack_reflectance_factor(q[:, :1], d.sum(1, keepdims=True), 0.5)
+    assert finite(many)
+    assert np.allclose(same, one, atol=1e-12, rtol=0)
+
+
+def test_beams_on_nodes_are_nothing_special():
+    for index in (1.0, 1.5):
+        nodes = half_range(index, resolve(1e-6, index, index))
+        inside = nodes.cosines[nodes.reflectance < 1]
+        beams = np.sqrt(np.maximum(1 - index**2 * (1 - inside**2), 0))
+        beams = beams[beams > 1e-4]
+        q, d = np.tile([0.9, 0.4], (len(beams), 1)), np.tile([0.3, 1.0], (len(beams), 1))
+
+        def f(cos, q=q, d=d, index=index):
+            return stack_reflectance_factor(q, d, 0.8, refractive_index=index, cos_incidence=cos, cos_viewing=cos)
+
+        on = f(beams)
+        around = 0.5 * (f(beams * (1 - 1e-5)) + f(np.minimum(beams * (1 + 1e-5), 1)))
+        assert finite(jax.grad(lambda c: f(c).sum())(jnp.asarray(beams)))
+        assert np.max(np.abs(on - around)) < 1e-7
+
+
+def test_jit_vmap_loop_and_chunks_agree():
+    q, d, g, ci, cv = random_cases(700)
+
+    def f(q, d, g, ci, cv):
+        return stack_reflectance_factor(q, d, g, cos_incidence=ci, cos_viewing=cv)
+
+    whole = f(q, d, g, ci, cv)  # several chunks, the last one filled up
+    assert np.allclose(jax.jit(f)(q, d, g, ci, cv), whole, rtol=0, atol=1e-12)
+    few = slice(695, 700)
+    mapped = jax.vmap(f)(*(jnp.asarray(a[few]) for a in (q, d, g, ci, cv)))
+    looped = [float(f(q[i], d[i], g[i], ci[i], cv[i])) for i in range(695, 700)]
+    assert np.allclose(mapped, whole[few], rtol=0, atol=1e-12)
+    assert np.allclose(looped, whole[few], rtol=0, atol=1e-12)
+
+
+def test_batches_broadcast():
+    q = np.full((3, 1, 2), 0.5)
+    out = stack_reflectance_factor(q, [0.1, 0.2], np.linspace(0, 1, 4), cos_viewing=np.array([[0.5], [0.6], [0.7]]))
+    assert out.shape == (3, 4)
+    assert stack_reflectance_factor(np.zeros((0, 2)), np.zeros((0, 2)), 0.5).shape == (0,)
+
+
+_SINGLE = """
+import sys
+import jax, jax.numpy as jnp, numpy as np
+from glazejax import stack_hemispherical_reflectance, stack_reflectance_factor
+assert not jax.config.jax_enable_x64, "importing glazejax changed the precision"
+data = np.load(sys.argv[1])
+out = {}
+for n in (1.0, 1.5, 1.7):
+    q, d, g, ci, cv = (data[f"{name}{n}"] for name in ("q", "d", "g", "ci", "cv"))
+    given = dict(refractive_index=n, cos_incidence=ci)
+    f = lambda q, d, g: stack_reflectance_factor(q, d, g, cos_viewing=cv, **given)
+    value, pull = jax.vjp(f, *(jnp.asarray(a, jnp.float32) for a in (q, d, g)))
+    assert value.dtype == jnp.float32
+    assert all(bool(jnp.all(jnp.isfinite(x))) for x in pull(jnp.ones_like(value)))
+    out[f"factor{n}"] = value
+    out[f"flux{n}"] = stack_hemispherical_reflectance(q, d, g, **given)
+np.savez(sys.argv[2], **out)
+"""
+
+
+def test_single_precision(shared_reference, tmp_path):
+    given, truth = {}, {}
+    for n, c in reference_cases(shared_reference).items():
+        given |= {f"q{n}": c.albedo, f"d{n}": c.optical_thickness, f"g{n}": c.ground}
+        given |= {f"ci{n}": c.cos_incidence, f"cv{n}": c.cos_viewing}
+        truth |= {f"factor{n}": c.reflectance_factor, f"flux{n}": c.hemispherical_reflectance}
+    np.savez(tmp_path / "in.npz", **given)
+    command = [sys.executable, "-c", _SINGLE, str(tmp_path / "in.npz"), str(tmp_path / "out.npz")]
+    subprocess.run(command, check=True, timeout=300)
+    for name, found in np.load(tmp_path / "out.npz").items():
+        assert np.max(np.abs(found - truth[name])) < 2e-4, name
+
+
+@pytest.mark.parametrize("index", [1.5, "array"])
+def test_compiled_programs_hold_no_lapack_call(index):
+    q, d, g, ci, cv = (jnp.asarray(a) for a in random_cases(2000))
+
+    def f(q, d, g, ci, cv):
+        n = 1.5 if index == 1.5 else 1.4 + 0.1 * g
+        factor = stack_reflectance_factor(q, d, g, refractive_index=n, cos_incidence=ci, cos_viewing=cv)
+        return (factor + stack_hemispherical_reflectance(q, d, g, refractive_index=n, cos_incidence=ci)).sum()
+
+    for program in (f, jax.value_and_grad(f, argnums=(0, 1, 2))):
+        text = jax.jit(program).lower(q, d, g, ci, cv).compile().as_text()
+        assert "fusion" in text
+        assert "lapack" not in "".join(re.findall(r"custom_call_target=\"[^\"]*\"", text)).lower()
+        # Any custom call that is left must be a known harmless one: matrix products and sorting.
+        assert 'custom_call_target="lapack' not in text
+
+
+_BULK = """
+import jax
+jax.config.update("jax_enable_x64", True)
+import jax.numpy as jnp, numpy as np
+from glazejax import stack_reflectance_factor
+rng = np.random.default_rng()
+q, d = (jnp.asarray(rng.uniform(0, high, (2000, 3))) for high in (1, 3))
+g = jnp.full(2000, 0.8)
+f = lambda q, d, g: stack_reflectance_factor(q, d, g, tolerance=1e-4).sum()
+print(float(jax.jit(jax.value_and_grad(f, argnums=(0, 1, 2)))(q, d, g)[0]))
+"""
+
+
+@pytest.mark.slow
+def test_twenty_fresh_processes_finish():
+    def run(_):
+        done = subprocess.run([sys.executable, "-c", _BULK], capture_output=True, text=True, timeout=240)
+        return done.returncode, done.stdout, done.stderr
+
+    with ThreadPoolExecutor(2) as pool:
+        for code, out, err in pool.map(run, range(20)):
+            assert code == 0, err
+            assert np.isfinite(float(out))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"albedo": [1.2, 0.5]}, "albedo holds 1.2"),
+        ({"albedo": [float("nan"), 0.5]}, "albedo holds nan"),
+        ({"optical_thickness": [-0.1, 0.5]}, "optical_thickness holds -0.1"),
+        ({"optical_thickness": [float("inf"), 0.5]}, "optical_thickness holds inf"),
+        ({"substrate_reflectance": 85.0}, "substrate_reflectance holds 85.0.*percent"),
+        ({"refractive_index": 0.9}, "refractive_index holds 0.9"),
+        ({"cos_incidence": 45.0}, "cos_incidence holds 45.0.*cosine"),
+        ({"cos_viewing": 0.0}, "cos_viewing holds 0.0"),
+        ({"tolerance": 0.0}, "tolerance is 0"),
+        ({"method": "magic"}, "method 'magic' is unknown"),
+        ({"albedo": [0.5, 0.5, 0.5]}, "3 layers .* 2"),
+        ({"albedo": 0.5}, "last axis of layers"),
+        ({"substrate_reflectance": [0.1] * 3, "cos_viewing": [0.5] * 2}, "do not broadcast"),
+    ],
+)
+def test_bad_input_says_what_and_how_to_mend(change, message):
+    given = {"albedo": [0.5, 0.5], "optical_thickness": [1.0, 1.0], "substrate_reflectance": 0.5} | change
+    with pytest.raises(ValueError, match=message) as error:
+        stack_reflectance_factor(**given)
+    assert "\n" not in str(error.value)
