@@ -57,9 +57,7 @@ def test_xyz_is_that_of_astm_e308(lamp, observer, start, end, step, error):
     grid = np.arange(start, end + 1, float(step))
     spectra = paints(grid)
     expected = theirs(grid, spectra, lamp, observer, "ASTM E308")
-    np.testing.assert_allclose(
-        gc.xyz(grid, spectra, illuminant=lamp, observer=observer), expected, atol=error, rtol=0
-    )
+    np.testing.assert_allclose(gc.xyz(grid, spectra, illuminant=lamp, observer=observer), expected, atol=error, rtol=0)
 
 
 @pytest.mark.parametrize("observer", OBSERVERS)
@@ -112,9 +110,7 @@ def test_lab_is_that_of_colour(lamp, observer):
     )
 
 
-@pytest.mark.parametrize(
-    ("lamp", "observer"), [("D65", OBSERVERS[0]), ("A", OBSERVERS[0]), ("FL2", OBSERVERS[1])]
-)
+@pytest.mark.parametrize(("lamp", "observer"), [("D65", OBSERVERS[0]), ("A", OBSERVERS[0]), ("FL2", OBSERVERS[1])])
 def test_srgb_is_that_of_colour(lamp, observer):
     grid = np.arange(380, 781, 10.0)
     spectra = paints(grid)
@@ -129,9 +125,7 @@ def test_srgb_is_that_of_colour(lamp, observer):
     assert np.min(found) < 0, "one of the paints should lie outside the gamut, or clipping goes untested"
 
 
-@given(
-    st.lists(st.tuples(st.floats(0, 100), st.floats(-100, 100), st.floats(-100, 100)), min_size=2, max_size=2)
-)
+@given(st.lists(st.tuples(st.floats(0, 100), st.floats(-100, 100), st.floats(-100, 100)), min_size=2, max_size=2))
 def test_colour_difference_is_symmetric_and_that_of_colour(pair):
     one, two = np.array(pair)
     found = gc.delta_e_2000(one, two)
@@ -237,9 +231,7 @@ def test_single_precision_without_x64():
         "assert lab.dtype == jnp.float32, lab.dtype\n"
         "assert abs(np.asarray(lab) - [100, 0, 0]).max() < 1e-3, lab\n"
     )
-    done = subprocess.run(
-        [sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, timeout=120
-    )
+    done = subprocess.run([sys.executable, "-W", "error", "-c", code], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
 
 

@@ -54,9 +54,7 @@ def test_angle_must_be_a_number():
 
 @given(st.floats(0, 89.99))
 def test_cosines(angle):
-    assert Bidirectional(viewing=angle).cos_viewing == pytest.approx(
-        np.sin(np.deg2rad(90 - angle)), abs=1e-15
-    )
+    assert Bidirectional(viewing=angle).cos_viewing == pytest.approx(np.sin(np.deg2rad(90 - angle)), abs=1e-15)
     assert Hemispherical(jnp.asarray(angle)).cos_incidence == pytest.approx(np.sin(np.deg2rad(90 - angle)))
 
 
@@ -121,14 +119,10 @@ def test_stacks_of_the_reference(shared_reference, count):
 def test_specular_part_is_fresnel(angle):
     glaze = Glaze([Layer(RED, 2e-5)], 0.8, [1.4, 1.5, 1.6])
     expected = [fresnel(angle, n) for n in (1.4, 1.5, 1.6)]
-    added = reflectance(glaze, Hemispherical(angle)) - reflectance(
-        glaze, Hemispherical(angle, specular=False)
-    )
+    added = reflectance(glaze, Hemispherical(angle)) - reflectance(glaze, Hemispherical(angle, specular=False))
     np.testing.assert_allclose(added, expected, atol=1e-12)
     with_mirror = reflectance(glaze, Bidirectional(angle, angle, specular=True))
-    np.testing.assert_allclose(
-        with_mirror - reflectance(glaze, Bidirectional(angle, angle)), expected, atol=1e-12
-    )
+    np.testing.assert_allclose(with_mirror - reflectance(glaze, Bidirectional(angle, angle)), expected, atol=1e-12)
 
 
 def test_no_specular_part_away_from_the_mirror():
@@ -144,9 +138,7 @@ def test_goniometer_batch():
     sweep = reflectance(glaze, Bidirectional(45.0, views, specular=True))
     assert sweep.shape == (3, 3)
     for row, view in zip(sweep, views, strict=True):
-        np.testing.assert_allclose(
-            row, reflectance(glaze, Bidirectional(45.0, view, specular=True)), atol=1e-9
-        )
+        np.testing.assert_allclose(row, reflectance(glaze, Bidirectional(45.0, view, specular=True)), atol=1e-9)
 
 
 def test_reciprocity():

@@ -156,9 +156,7 @@ def test_tables_read_back(tmp_path_factory, rows):
 
 def test_array_cells_are_plain_numbers(tmp_path):
     path = tmp_path / "t.tsv"
-    write_table(
-        path, ["a", "b", "c", "d"], [[np.float64(1e-7), jnp.asarray(1 / 3), np.float32(0.1), np.int64(3)]]
-    )
+    write_table(path, ["a", "b", "c", "d"], [[np.float64(1e-7), jnp.asarray(1 / 3), np.float32(0.1), np.int64(3)]])
     cells = path.read_text().splitlines()[1].split("\t")
     assert cells == ["1e-07", repr(1 / 3), "0.1", "3"]
 

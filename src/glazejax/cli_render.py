@@ -115,7 +115,6 @@ def render(
     from .cli import start_jax
 
     start_jax()
-    _quiet()
     shelf = _shelf(pigments, [name for coat in coats for _, name in coat.parts])
     coats = name_paints(coats, shelf)
     repeated = _repeated(coats, ladder)
@@ -174,14 +173,6 @@ def render(
     total = time.perf_counter() - started
     console.print()
     console.print(f"wrote {files} in {total:.1f} s ({solved:.1f} s of it computing spectra)", markup=False)
-
-
-def _quiet() -> None:
-    """Keep XLA's remarks on its own compilation cache off the screen."""
-    import jax
-
-    # A cached program of the CPU logs pages of errors about tuning flags that are no features of any machine.
-    jax.config.update("jax_logging_level", "CRITICAL")
 
 
 def _check_table(csv: Path, out: Path, overwrite: bool) -> None:

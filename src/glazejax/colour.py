@@ -176,9 +176,7 @@ def _lagrange_matrix(
     return matrix
 
 
-def white_point(
-    wavelengths: Grid, illuminant: str = "D65", observer: str | int = CIE_1931
-) -> Float[np.ndarray, "3"]:
+def white_point(wavelengths: Grid, illuminant: str = "D65", observer: str | int = CIE_1931) -> Float[np.ndarray, "3"]:
     """XYZ of the perfect diffuser on this grid, (3,), Y = 1; the same on every grid up to rounding."""
     return colour_weights(wavelengths, illuminant, observer).sum(axis=0)
 
@@ -203,9 +201,7 @@ def xyz(
     weights = colour_weights(wavelengths, illuminant, observer)
     values = as_float_array(reflectance)
     if values.shape[-1:] != weights.shape[:1]:
-        raise ValueError(
-            f"reflectance of shape {values.shape} does not end in the {weights.shape[0]} bands given"
-        )
+        raise ValueError(f"reflectance of shape {values.shape} does not end in the {weights.shape[0]} bands given")
     return jnp.matmul(values, jnp.asarray(weights, dtype=values.dtype), precision="highest")
 
 

@@ -14,9 +14,7 @@ from jaxtyping import Float
 from .spectra import as_fraction, describe_grid, validate_wavelengths
 
 _WAVELENGTH_TITLE = re.compile(r"^(wave\s*length|wl\b|wvl?\b|lambda|λ|nm\b|\[?nm\]?$)", re.IGNORECASE)
-_LAYOUTS = (
-    "expected 'Name,400,410,...' with a sample a row, or 'wavelength,sample,...' with a sample a column"
-)
+_LAYOUTS = "expected 'Name,400,410,...' with a sample a row, or 'wavelength,sample,...' with a sample a column"
 _NANOMETRES = re.compile(r"\s*\[?\(?nm\)?\]?$", re.IGNORECASE)
 
 
@@ -98,9 +96,7 @@ def _read_cells(path: Path) -> _Cells:
     try:
         text = path.read_bytes().decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise ValueError(
-            f"{path}: not UTF-8 text (byte {error.start}); export the table as UTF-8 CSV"
-        ) from None
+        raise ValueError(f"{path}: not UTF-8 text (byte {error.start}); export the table as UTF-8 CSV") from None
     if "\0" in text:
         raise ValueError(f"{path}: not a text file; export the table as UTF-8 CSV")
     lines = [
@@ -215,10 +211,7 @@ def _read_wide(
         _check_name(cells, line, name, lines)
         lines[name] = line
         values.append(
-            [
-                _value(cells, line, name, title, cell)
-                for title, cell in zip(cells.header[1:], row, strict=True)
-            ]
+            [_value(cells, line, name, title, cell) for title, cell in zip(cells.header[1:], row, strict=True)]
         )
     return list(lines), grid, np.array(values)
 

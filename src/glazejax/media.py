@@ -96,8 +96,7 @@ class Pigment(eqx.Module):
             values = as_array(values)
             if values.shape[-1:] != grid.shape:
                 raise ValueError(
-                    f"{what} has shape {values.shape}, which does not end in the {grid.size} bands "
-                    "of its wavelengths"
+                    f"{what} has shape {values.shape}, which does not end in the {grid.size} bands of its wavelengths"
                 )
             _check_range(what, values, 0.0, np.inf)
             return as_float_array(values)
@@ -150,9 +149,7 @@ class Pigment(eqx.Module):
             wavelengths,
             k,
             s,
-            identifiable=None
-            if self.identifiable is None
-            else ~np.any(matrix[~self.identifiable] > 0, axis=0),
+            identifiable=None if self.identifiable is None else ~np.any(matrix[~self.identifiable] > 0, axis=0),
             absorption_sd=at(self.absorption_sd),
             scattering_sd=at(self.scattering_sd),
             provenance=self.provenance,
@@ -225,9 +222,7 @@ class Mixture(eqx.Module):
 
     def _blend(self, spectra: Sequence[Float[Array, "*batch bands"]]) -> Float[Array, "*batch bands"]:
         """Sum of spectra, weighted."""
-        return functools.reduce(
-            operator.add, [self.weights[..., i, None] * values for i, values in enumerate(spectra)]
-        )
+        return functools.reduce(operator.add, [self.weights[..., i, None] * values for i, values in enumerate(spectra)])
 
     def resample(self, wavelengths: Grid) -> Self:
         """The same mixture on another grid (nm); see `Pigment.resample`."""
@@ -264,9 +259,7 @@ class Layer(eqx.Module):
 
     def __repr__(self) -> str:
         values = concrete(self.thickness)
-        size = (
-            f"{float(values) * 1e6:g} um" if values is not None and values.ndim == 0 else f"{self.thickness}"
-        )
+        size = f"{float(values) * 1e6:g} um" if values is not None and values.ndim == 0 else f"{self.thickness}"
         return f"Layer({self.medium.name!r}, {size})"
 
 
@@ -306,8 +299,7 @@ class Glaze(eqx.Module):
             for name, value in (("substrate", substrate), ("refractive_index", index)):
                 if value.shape[-1:] not in ((), (1,), (bands,)):
                     raise ValueError(
-                        f"{name} has shape {value.shape}: its last axis must be the {bands} bands "
-                        "of the layers"
+                        f"{name} has shape {value.shape}: its last axis must be the {bands} bands of the layers"
                     )
         self.layers = layers
         self.substrate = as_float_array(substrate)
@@ -322,9 +314,7 @@ class Glaze(eqx.Module):
             ValueError: there are no layers.
         """
         if not self.layers:
-            raise ValueError(
-                "a glaze without layers has no wavelengths of its own: use those of its substrate"
-            )
+            raise ValueError("a glaze without layers has no wavelengths of its own: use those of its substrate")
         return self.layers[0].medium.wavelengths
 
     @property
@@ -357,9 +347,7 @@ class Glaze(eqx.Module):
         return jnp.stack(jnp.broadcast_arrays(*spectra), axis=-1)
 
     def __repr__(self) -> str:
-        ground = (
-            f"substrate {self.substrate}" if self.substrate.ndim == 0 else f"substrate {self.substrate.shape}"
-        )
+        ground = f"substrate {self.substrate}" if self.substrate.ndim == 0 else f"substrate {self.substrate.shape}"
         return f"Glaze([{', '.join(map(repr, self.layers))}], {ground}, n = {self.refractive_index})"
 
 

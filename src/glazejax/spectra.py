@@ -56,9 +56,7 @@ def validate_wavelengths(wavelengths: Grid) -> Float[np.ndarray, "bands"]:
     """
     grid = concrete(wavelengths)
     if grid is None:
-        raise ValueError(
-            "wavelengths must be known when a function is traced: close over them, or pass NumPy"
-        )
+        raise ValueError("wavelengths must be known when a function is traced: close over them, or pass NumPy")
     try:
         grid = np.array(grid, dtype=np.float64)
     except (TypeError, ValueError):
@@ -76,9 +74,7 @@ def validate_wavelengths(wavelengths: Grid) -> Float[np.ndarray, "bands"]:
             f"wavelengths must ascend: number {i + 1} is {grid[i]:g} nm after {grid[i - 1]:g} nm; sort them"
         )
     if grid[-1] < 10:
-        raise ValueError(
-            f"wavelengths are in nm, and {grid[-1]:g} looks like micrometres: multiply them by 1000"
-        )
+        raise ValueError(f"wavelengths are in nm, and {grid[-1]:g} looks like micrometres: multiply them by 1000")
     grid.setflags(write=False)
     return grid
 
@@ -165,12 +161,8 @@ def interpolation_matrix(wavelengths: Grid, new_wavelengths: Grid) -> Float[np.n
     slack = 1e-6
     if new[0] < old[0] - slack or new[-1] > old[-1] + slack:
         inside = new[(new >= old[0] - slack) & (new <= old[-1] + slack)]
-        fix = (
-            f"keep to {describe_grid(inside)}" if inside.size else "they do not meet; choose another spectrum"
-        )
-        raise ValueError(
-            f"cannot resample {describe_grid(old)} to {describe_grid(new)} without guessing: {fix}"
-        )
+        fix = f"keep to {describe_grid(inside)}" if inside.size else "they do not meet; choose another spectrum"
+        raise ValueError(f"cannot resample {describe_grid(old)} to {describe_grid(new)} without guessing: {fix}")
     return np.stack([np.interp(new, old, unit) for unit in np.eye(old.size)])
 
 

@@ -121,5 +121,5 @@ def test_thin_layer_keeps_its_relative_accuracy():
 def test_no_layers_is_the_bare_ground():
     bare = stack_reflectance_factor(np.zeros((3, 0)), np.zeros((3, 0)), np.array([0.0, 0.5, 1.0]))
     thin = stack_reflectance_factor([0.5], [0.0], np.array([0.0, 0.5, 1.0]))
-    assert np.array_equal(bare, thin)
+    assert np.allclose(bare, thin, rtol=0, atol=1e-15)
     assert bare[0] == 0

@@ -130,7 +130,7 @@ def test_jit_vmap_loop_and_chunks_agree():
 
     whole = f(q, d, g, ci, cv)  # several chunks, the last one filled up
     assert np.allclose(jax.jit(f)(q, d, g, ci, cv), whole, rtol=0, atol=1e-12)
-    few = slice(695, 700)
+    few = slice(695, 700)  # of the last chunk
     mapped = jax.vmap(f)(*(jnp.asarray(a[few]) for a in (q, d, g, ci, cv)))
     looped = [float(f(q[i], d[i], g[i], ci[i], cv[i])) for i in range(695, 700)]
     assert np.allclose(mapped, whole[few], rtol=0, atol=1e-12)

@@ -4,7 +4,9 @@ No LAPACK: two batched LAPACK calls in one compiled program can hang for ever on
 and at these sizes (up to some 40 rows) blocked elimination by matrix products is faster anyway.
 """
 
+import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 _BLOCK = 4
@@ -13,20 +15,34 @@ _BLOCK = 4
 def solve_positive(a: Float[Array, "*batch n n"], b: Float[Array, "*batch n m"]) -> Float[Array, "*batch n m"]:
     """Solve A x = b for a symmetric positive definite A (or one that a diagonal scaling makes so).
 
-    Blocked Gauss-Jordan elimination without pivoting.
+    Blocked Gauss-Jordan elimination without pivoting. A loop over blocks rather than unrolled blocks: it runs as
+    fast and compiles several times faster.
     """
     n = a.shape[-1]
+    spare = -n % _BLOCK
+    if spare:  # Filled up with an identity that nothing couples to.
+        edge = [(0, 0)] * (a.ndim - 2)
+        a = jnp.pad(a, [*edge, (0, spare), (0, spare)]) + jnp.diag(jnp.arange(n + spare) >= n).astype(a.dtype)
+        b = jnp.pad(b, [*edge, (0, spare), (0, 0)])
+    axis = a.ndim - 2
+
+    def eliminate(block: Array, work: Array) -> Array:
+        start = block * _BLOCK
+        rows = jax.lax.dynamic_slice_in_dim(work, start, _BLOCK, axis)
+        columns = jax.lax.dynamic_slice_in_dim(work, start, _BLOCK, axis + 1)
+        rows = _small_inverse(jax.lax.dynamic_slice_in_dim(rows, start, _BLOCK, axis + 1)) @ rows
+        return jax.lax.dynamic_update_slice_in_dim(work - columns @ rows, rows, start, axis)
+
     work = jnp.concatenate([a, b], axis=-1)
-    for start in range(0, n, _BLOCK):
-        block = slice(start, min(start + _BLOCK, n))
-        # Columns to the left of the block are finished: they hold the identity and are not carried along.
-        rows = work[..., block, :]
-        width = rows.shape[-2]
-        for j in range(width):
-            pivot_row = rows[..., j, :] / rows[..., j, j, None]
-            column = rows[..., :, j]
-            updated = rows - column[..., :, None] * pivot_row[..., None, :]
-            rows = updated.at[..., j, :].set(pivot_row)
-        reduced = work - work[..., :, :width] @ rows
-        work = reduced.at[..., block, :].set(rows)[..., width:]
-    return work
+    return jax.lax.fori_loop(0, (n + spare) // _BLOCK, eliminate, work)[..., :n, n + spare :]
+
+
+def _small_inverse(a: Array) -> Array:
+    """Inverse of a few rows by Gauss-Jordan elimination, one fused step a pivot."""
+    identity = np.eye(a.shape[-1], dtype=a.dtype)
+    for j in range(a.shape[-1]):
+        here, others = identity[j], 1.0 - identity[j]
+        row = (a[..., j, :] * others + here) / a[..., j, j, None]
+        left = here - a[..., :, j] * others
+        a = a * (others[:, None] * others) + left[..., :, None] * row[..., None, :]
+    return a

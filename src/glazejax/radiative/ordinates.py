@@ -236,7 +236,7 @@ def _solve(medium: Medium, loads: tuple[Load, ...]) -> tuple[Field, ...]:
 
     layers = (modes, medium.tanh, medium.root, medium.thickness, medium.sech)
     loaded = (*layers, stacked("layer_top"), stacked("layer_bottom"))
-    (z, s), (impedances, transfers, sources) = _scan(up, (impedance, stacked("ground")), loaded, reverse=True)
+    (z, s), (impedances, transfers, sources) = jax.lax.scan(up, (impedance, stacked("ground")), loaded, reverse=True)
     interface = jnp.broadcast_to(medium.interface, (batch, n))
     sigma_top = solve_positive(z + interface[..., None] * identity, s + stacked("top"))
 
@@ -247,14 +247,8 @@ def _solve(medium: Medium, loads: tuple[Load, ...]) -> tuple[Field, ...]:
         return y @ below, (y0, z @ below - s)
 
     loaded = (modes, medium.tanh, medium.sech, stacked("layer_bottom"), impedances, transfers, sources)
-    ground, (y0, f) = _scan(down, sigma_top, loaded)
+    ground, (y0, f) = jax.lax.scan(down, sigma_top, loaded)
     return tuple(Field(y0[..., i], f[..., i], ground[..., i]) for i in range(len(loads)))
-
-
-def _scan(body, carry, layers, *, reverse=False):
-    """lax.scan over layers, unrolled for the one and two layers that most scenes have."""
-    count = layers[1].shape[0]
-    return jax.lax.scan(body, carry, layers, reverse=reverse, unroll=True if count <= 2 else 1)
 
 
 def _energy(medium: Medium, one: Field, two: Field, sigma_one: Array, sigma_two: Array) -> Array:

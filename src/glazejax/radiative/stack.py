@@ -139,8 +139,10 @@ _RANGES: dict[str, tuple[str, Callable[[np.ndarray], np.ndarray]]] = {
 
 def _concrete(value: _ArrayLike) -> np.ndarray | None:
     """The value as a numpy array, or None while it is traced by jit or vmap."""
+    # Under jit even a constant that passes through a JAX function is traced, so plain numbers must not.
+    known = jax.lax.stop_gradient(value) if isinstance(value, jax.Array) else value
     try:
-        return np.asarray(jax.lax.stop_gradient(value))
+        return np.asarray(known)
     except jax.errors.TracerArrayConversionError:
         return None
 
