@@ -35,7 +35,8 @@ def random_stacks(count: int, seed: int = 0, layers: int = 5) -> ordinates.Stack
     ground = rng.choice([0, 0.2, 0.5, 0.8, 0.95, 1.0], count)
     cosines = rng.uniform(0.05, 1, (2, count))
     given = (albedo, np.where(present, thickness, 0.0), ground)
-    return ordinates.Stack(*map(jnp.asarray, given), None, *map(jnp.asarray, cosines))
+    q, d, ground, incidence, viewing = map(jnp.asarray, (*given, *cosines))
+    return ordinates.Stack(q, d, ground, None, incidence, viewing)
 
 
 @functools.partial(jax.jit, static_argnums=(2, 3))
@@ -79,6 +80,8 @@ def main() -> None:
     crowding_search()
     stacks = random_stacks(count)
     reference = {n: both(stacks, n, FINEST) for n in INDICES}
+    # At an index of exactly one the finest run, too, must have no totally reflected part.
+    reference[1.0] = both(stacks, 1.0, FINEST._replace(total=0), 1.0)
     for known in (True, False):
         print(f"\nworst error / tolerance over {count} stacks (reflectance factor, hemispherical),")
         print(f"refractive index {'known' if known else 'traced: directions for all of 1 to 2.5'}")

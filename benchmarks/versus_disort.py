@@ -8,6 +8,7 @@ Error: the largest relative error over the wavelengths, against each program's o
 """
 
 import os
+from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
@@ -36,7 +37,7 @@ def disort(streams: int):
     import nanodisort
 
     albedo, thickness = stacks()
-    solver = nanodisort.BatchSolver(nthreads=os.cpu_count())
+    solver = nanodisort.BatchSolver(nthreads=os.cpu_count() or 1)
     solver.nstr, solver.nlyr, solver.nmom = streams, 2, streams
     solver.ntau, solver.numu, solver.nphi = 1, 1, 1
     solver.usrtau = solver.usrang = solver.lamber = solver.quiet = True
@@ -102,7 +103,7 @@ def main() -> None:
     for wanted in (1e-4, 1e-8):
         streams, disort_error = cheapest(disort, STREAMS, disort_truth, wanted)
         rows = {"CDISORT, no surface": (f"{streams} streams", disort_error)}
-        programs = {"CDISORT, no surface": disort(streams)}
+        programs: dict[str, Callable[[], object]] = {"CDISORT, no surface": disort(streams)}
         for index in (1.0, 1.5):
             truth = np.asarray(ours(index, 1e-10)())
             tolerance, error = cheapest(lambda t, n=index: ours(n, t), TOLERANCES, truth, wanted)

@@ -1,5 +1,7 @@
 """Both reflectances against values and closed forms that this program had no part in."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -44,7 +46,7 @@ def test_thick_layer_is_the_half_space_of_chandrasekhar():
     for q in (0.1, 0.6, 0.95, 0.999):
         for mu_i, mu_v in ((1.0, 0.3), (0.2, 0.7)):
             h_i, h_v = h_function(mu_i, q), h_function(mu_v, q)
-            given = {"refractive_index": 1.0, "cos_incidence": mu_i, "tolerance": 1e-9}
+            given: dict[str, Any] = {"refractive_index": 1.0, "cos_incidence": mu_i, "tolerance": 1e-9}
             factor = stack_reflectance_factor([q], [1e5], 0.7, cos_viewing=mu_v, **given)
             flux = stack_hemispherical_reflectance([q], [1e5], 0.7, **given)
             assert factor == pytest.approx(q / 4 * h_i * h_v / (mu_i + mu_v), abs=2e-9)

@@ -188,10 +188,9 @@ def test_compiled_programs_hold_no_lapack_call(index):
 
     for program in (f, jax.value_and_grad(f, argnums=(0, 1, 2))):
         text = jax.jit(program).lower(q, d, g, ci, cv).compile().as_text()
+        assert text is not None
         assert "fusion" in text
         assert "lapack" not in "".join(re.findall(r"custom_call_target=\"[^\"]*\"", text)).lower()
-        # Any custom call that is left must be a known harmless one: matrix products and sorting.
-        assert 'custom_call_target="lapack' not in text
 
 
 _BULK = """

@@ -29,9 +29,9 @@ class Resolution(NamedTuple):
 class Directions(NamedTuple):
     """Nodes inside the medium, cosines descending. A leading batch axis appears where n varies."""
 
-    cosines: Array  # (..., n), mu in (0, 1]
-    weights: Array  # (..., n), sum w = 1, sum w mu = 1/2
-    reflectance: Array  # (..., n), internal Fresnel reflectance R(mu)
+    cosines: Array | np.ndarray  # (..., n), mu in (0, 1]
+    weights: Array | np.ndarray  # (..., n), sum w = 1, sum w mu = 1/2
+    reflectance: Array | np.ndarray  # (..., n), internal Fresnel reflectance R(mu)
 
 
 # Crowding c of n = 2, 3, ... graded nodes that makes the largest error of int_0^1 x e^(-D/x) dx over all D, the
@@ -114,7 +114,9 @@ def half_range(refractive_index: float | Float[Array, "*batch"], resolution: Res
     return Directions(cosines, conserve(cosines, weights), reflectance)
 
 
-def conserve(cosines: Float[Array, "*batch n"], weights: Float[Array, "*batch n"]) -> Float[Array, "*batch n"]:
+def conserve(
+    cosines: Float[Array | np.ndarray, "*batch n"], weights: Float[Array | np.ndarray, "*batch n"]
+) -> Float[Array | np.ndarray, "*batch n"]:
     """Weights with sum w = 1 and sum w mu = 1/2 exactly, by the smallest relative change.
 
     Without it an albedo of one would lose energy.

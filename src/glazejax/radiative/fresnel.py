@@ -18,7 +18,8 @@ def array_module(*arrays) -> ModuleType:
 
 
 def cos_refracted(
-    cos_incidence: float | Float[Array, "*batch"], refractive_index: float | Float[Array, "*batch"]
+    cos_incidence: float | Float[Array | np.ndarray, "*batch"],
+    refractive_index: float | Float[Array | np.ndarray, "*batch"],
 ) -> Float[Array, "*batch"]:
     """Cosine inside a medium of index n >= 1 of a beam that comes from air.
 
@@ -31,7 +32,8 @@ def cos_refracted(
 
 
 def dielectric_reflectance(
-    cos_incidence: float | Float[Array, "*batch"], refractive_index: float | Float[Array, "*batch"]
+    cos_incidence: float | Float[Array | np.ndarray, "*batch"],
+    refractive_index: float | Float[Array | np.ndarray, "*batch"],
 ) -> Float[Array, "*batch"]:
     """Fresnel reflectance of the smooth face of a dielectric, for unpolarised light from air.
 

@@ -71,7 +71,8 @@ def phi(x: Float[Array, "..."]) -> Float[Array, "..."]:
 
 @phi.defjvp
 def _phi_jvp(primals, tangents):
-    (x,), (dx,) = primals, tangents
+    x: Array = primals[0]
+    dx: Array = tangents[0]
     value = phi(x)
     small = x < _SERIES_PHI
     safe = jnp.where(small, 1.0, x)
@@ -93,7 +94,8 @@ def tanhc_sqrt(x: Float[Array, "..."]) -> Float[Array, "..."]:
 
 @tanhc_sqrt.defjvp
 def _tanhc_sqrt_jvp(primals, tangents):
-    (x,), (dx,) = primals, tangents
+    x: Array = primals[0]
+    dx: Array = tangents[0]
     value = tanhc_sqrt(x)
     small = x < _SERIES_TANHC
     safe = jnp.where(small, 1.0, x)
@@ -114,7 +116,8 @@ def sech_sqrt(x: Float[Array, "..."]) -> Float[Array, "..."]:
 
 @sech_sqrt.defjvp
 def _sech_sqrt_jvp(primals, tangents):
-    (x,), (dx,) = primals, tangents
+    x: Array = primals[0]
+    dx: Array = tangents[0]
     value = sech_sqrt(x)
     return value, -0.5 * value * tanhc_sqrt(x) * dx
 

@@ -130,6 +130,10 @@ def _implicit(root: Array, albedo: Array, poles: Array, strengths: Array) -> Arr
 
 def _implicit_jvp(primals, tangents):
     """Implicit differentiation, so that no iteration is differentiated."""
+    root: Array
+    albedo: Array
+    poles: Array
+    strengths: Array
     root, albedo, poles, strengths = primals
     _, d_albedo, d_poles, d_strengths = tangents
     r = _implicit(root, albedo, poles, strengths)
@@ -153,20 +157,24 @@ def _implicit_jvp(primals, tangents):
 _implicit.defjvp(_implicit_jvp, symbolic_zeros=True)
 
 
-def _offsets(albedo: Array, cosines: Array, weights: Array) -> Array:
-    poles = 1.0 / cosines**2
-    strengths = weights * poles
-    if isinstance(cosines, np.ndarray):
+def _offsets(albedo: Array, cosines: Array | np.ndarray, weights: Array | np.ndarray) -> Array:
+    if isinstance(cosines, np.ndarray) and isinstance(weights, np.ndarray):
+        poles = 1.0 / cosines**2
+        strengths = weights * poles
         table = _table(np.stack([cosines, weights]).tobytes())
         root = _from_table(jax.lax.stop_gradient(albedo), poles, strengths, table)
     else:
+        poles = 1.0 / cosines**2
+        strengths = weights * poles
         root = secular_offsets(*jax.lax.stop_gradient((albedo, poles, strengths)))
     poles, strengths = jnp.asarray(poles, albedo.dtype), jnp.asarray(strengths, albedo.dtype)
     return _implicit(root, albedo, poles, strengths)
 
 
 def layer_modes(
-    albedo: Float[Array, "*batch"], cosines: Float[Array, "*#batch n"], weights: Float[Array, "*#batch n"]
+    albedo: Float[Array, "*batch"],
+    cosines: Float[Array | np.ndarray, "*#batch n"],
+    weights: Float[Array | np.ndarray, "*#batch n"],
 ) -> Modes:
     """Modes of layers of single-scattering albedo q for half-range directions (cosines descending).
 

@@ -28,7 +28,7 @@ symmetry, and a derivative needs no derivative of x: one more load, not one more
 The physics is paper A (Shinozawa et al. 2013), eqs (4)-(22), with its integrals over mu done by quadrature.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -50,7 +50,7 @@ class Stack(NamedTuple):
     albedo: Array  # (batch, layers)
     optical_thickness: Array  # (batch, layers)
     ground: Array  # (batch,)
-    refractive_index: Array | float  # (batch,), or one number
+    refractive_index: Any  # (batch,), or one number
     cos_incidence: Array  # (batch,), in air
     cos_viewing: Array | None  # (batch,), in air; None for the hemispherical flux
 
@@ -305,28 +305,28 @@ def reflectance(stack: Stack, resolution: Resolution) -> Array:
     return parts.factor * (parts.direct + _dot(parts.viewing, field, sigma))
 
 
-def reflectance_and_gradient(stack: Stack, resolution: Resolution, wanted: Stack) -> tuple[Array, Stack]:
+def reflectance_and_gradient(
+    stack: Stack, resolution: Resolution, wanted: tuple[str, ...]
+) -> tuple[Array, dict[str, Array]]:
     """Reflectance and its derivative by the wanted leaves of each stack.
 
     Args:
         stack: batch of stacks.
         resolution: directions, static.
-        wanted: a `Stack` of booleans, static: which leaves to differentiate by.
+        wanted: names of the leaves to differentiate by, static. What is not asked for is not computed.
 
     Returns:
-        (batch,) and a `Stack` whose wanted leaves hold d reflectance / d leaf, the others None.
+        (batch,) and, by name, d reflectance / d leaf in the shape of the leaf.
     """
     parts = _parts(stack, resolution)
-    fields = _solve(parts.medium, (parts.incidence, parts.viewing))
+    first, second = _solve(parts.medium, (parts.incidence, parts.viewing))
 
-    def stationary(leaves: Stack) -> Array:
-        given = Stack(*(b if a is None else a for a, b in zip(leaves, stack, strict=True)))
-        p = _parts(given, resolution)
-        (first, second), (sigma_first, sigma_second) = fields, [_levels(p.medium.modes, x) for x in fields]
+    def stationary(leaves: dict[str, Array]) -> Array:
+        p = _parts(stack._replace(**leaves), resolution)
+        sigma_first, sigma_second = (_levels(p.medium.modes, field) for field in (first, second))
         mutual = _dot(p.viewing, first, sigma_first) + _dot(p.incidence, second, sigma_second)
         mutual -= _energy(p.medium, first, second, sigma_first, sigma_second)
         return p.factor * (p.direct + mutual)
 
-    leaves = Stack(*(leaf if want else None for leaf, want in zip(stack, wanted, strict=True)))
-    value, pull_back = jax.vjp(stationary, leaves)
+    value, pull_back = jax.vjp(stationary, {name: getattr(stack, name) for name in wanted})
     return value, pull_back(jnp.ones_like(value))[0]

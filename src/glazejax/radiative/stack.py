@@ -1,20 +1,21 @@
 """The two reflectances of a stack of layers: validation, batching, derivatives, choice of method."""
 
 import functools
-from collections.abc import Callable
-from typing import Literal, NamedTuple, get_args
+from collections.abc import Callable, Sequence
+from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.custom_derivatives import SymbolicZero
-from jaxtyping import Array, Float
-from jaxtyping import ArrayLike as _ArrayLike
+from jaxtyping import Array, ArrayLike, Float
 
 from glazejax.radiative import ordinates
 from glazejax.radiative.directions import Resolution
 from glazejax.radiative.ordinates import Stack
 from glazejax.radiative.resolution import resolve
+
+_Numbers: TypeAlias = ArrayLike | Sequence[Any]
 
 Method = Literal["ordinates"]
 """Ways to compute the same quantity."""
@@ -35,13 +36,13 @@ class _Options(NamedTuple):
 
 
 def stack_reflectance_factor(
-    albedo: Float[_ArrayLike, "*batch layers"],
-    optical_thickness: Float[_ArrayLike, "*batch layers"],
-    substrate_reflectance: Float[_ArrayLike, "*batch"],
+    albedo: Float[_Numbers, "*batch layers"],
+    optical_thickness: Float[_Numbers, "*batch layers"],
+    substrate_reflectance: Float[_Numbers, "*batch"],
     *,
-    refractive_index: float | Float[_ArrayLike, "*batch"] = 1.5,
-    cos_incidence: Float[_ArrayLike, "*batch"] = 1.0,
-    cos_viewing: Float[_ArrayLike, "*batch"] = 1.0,
+    refractive_index: float | Float[_Numbers, "*batch"] = 1.5,
+    cos_incidence: Float[_Numbers, "*batch"] = 1.0,
+    cos_viewing: Float[_Numbers, "*batch"] = 1.0,
     tolerance: float = 1e-6,
     method: Method = "ordinates",
 ) -> Float[Array, "*batch"]:
@@ -87,12 +88,12 @@ def stack_reflectance_factor(
 
 
 def stack_hemispherical_reflectance(
-    albedo: Float[_ArrayLike, "*batch layers"],
-    optical_thickness: Float[_ArrayLike, "*batch layers"],
-    substrate_reflectance: Float[_ArrayLike, "*batch"],
+    albedo: Float[_Numbers, "*batch layers"],
+    optical_thickness: Float[_Numbers, "*batch layers"],
+    substrate_reflectance: Float[_Numbers, "*batch"],
     *,
-    refractive_index: float | Float[_ArrayLike, "*batch"] = 1.5,
-    cos_incidence: Float[_ArrayLike, "*batch"] = 1.0,
+    refractive_index: float | Float[_Numbers, "*batch"] = 1.5,
+    cos_incidence: Float[_Numbers, "*batch"] = 1.0,
     tolerance: float = 1e-6,
     method: Method = "ordinates",
 ) -> Float[Array, "*batch"]:
@@ -119,12 +120,12 @@ def stack_hemispherical_reflectance(
 class _Inputs(NamedTuple):
     """The arguments as given."""
 
-    albedo: _ArrayLike
-    optical_thickness: _ArrayLike
-    substrate_reflectance: _ArrayLike
-    refractive_index: _ArrayLike
-    cos_incidence: _ArrayLike
-    cos_viewing: _ArrayLike | None
+    albedo: _Numbers
+    optical_thickness: _Numbers
+    substrate_reflectance: _Numbers
+    refractive_index: _Numbers
+    cos_incidence: _Numbers
+    cos_viewing: _Numbers | None
 
 
 _RANGES: dict[str, tuple[str, Callable[[np.ndarray], np.ndarray]]] = {
@@ -137,7 +138,7 @@ _RANGES: dict[str, tuple[str, Callable[[np.ndarray], np.ndarray]]] = {
 }
 
 
-def _concrete(value: _ArrayLike) -> np.ndarray | None:
+def _concrete(value: _Numbers) -> np.ndarray | None:
     """The value as a numpy array, or None while it is traced by jit or vmap."""
     # Under jit even a constant that passes through a JAX function is traced, so plain numbers must not.
     known = jax.lax.stop_gradient(value) if isinstance(value, jax.Array) else value
@@ -192,20 +193,19 @@ def _evaluate(inputs: _Inputs, tolerance: float, method: str) -> Array:
         return jnp.broadcast_to(array, (*batch, count)).reshape(size, count)
 
     index = _concrete(inputs.refractive_index)
-    fixed = isinstance(inputs.refractive_index, int | float | np.floating | np.integer)
+    number = inputs.refractive_index
+    fixed = float(number) if isinstance(number, int | float | np.floating | np.integer) else None
     low, high = INDEX_RANGE if index is None or index.size == 0 else (float(index.min()), float(index.max()))
     floor = 1e-5 if dtype == jnp.float32 else 0.0
     resolution = resolve(max(tolerance, floor), low, high)
     nodes = resolution.cone + resolution.total
     bytes_each = (count + 3) * nodes**2 * dtype.itemsize
-    options = _Options(
-        resolution, float(inputs.refractive_index) if fixed else None, max(16, _CHUNK_BYTES // bytes_each)
-    )
+    options = _Options(resolution, fixed, max(16, _CHUNK_BYTES // bytes_each))
     stack = Stack(
         flat_layers(albedo),
         flat_layers(thickness),
         flat(rest["substrate_reflectance"]),
-        None if fixed else flat(rest["refractive_index"]),
+        None if fixed is not None else flat(rest["refractive_index"]),
         flat(rest["cos_incidence"]),
         None if inputs.cos_viewing is None else flat(rest["cos_viewing"]),
     )
@@ -231,17 +231,17 @@ def _reflectance_jvp(options: _Options, primals, tangents):
     Only what is differentiated by is computed, and nothing but the gradient itself is kept for a reverse pass.
     """
     (stack,), (d_stack,) = primals, tangents
-    wanted = Stack(*(leaf is not None and not isinstance(leaf, SymbolicZero) for leaf in d_stack))
+    changes = {
+        name: leaf for name, leaf in d_stack._asdict().items() if not isinstance(leaf, SymbolicZero | type(None))
+    }
 
-    def one(chunk: Stack) -> tuple[Array, Stack]:
-        given = _with_index(chunk, options)
-        return ordinates.reflectance_and_gradient(given, options.resolution, wanted)
+    def one(chunk: Stack) -> tuple[Array, dict[str, Array]]:
+        return ordinates.reflectance_and_gradient(_with_index(chunk, options), options.resolution, tuple(changes))
 
     value, gradient = _in_chunks(one, stack, options.chunk)
     tangent = jnp.zeros_like(value)
-    for slope, change in zip(gradient, d_stack, strict=True):
-        if slope is not None:
-            tangent += jnp.sum((slope * change).reshape(*value.shape, -1), axis=-1)
+    for name, change in changes.items():
+        tangent += jnp.sum((gradient[name] * change).reshape(*value.shape, -1), axis=-1)
     return value, tangent
 
 
