@@ -8,7 +8,7 @@ import jax
 import pytest
 
 jax.config.update("jax_enable_x64", True)
-os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")  # a program taken from the cache is no error
+jax.config.update("jax_logging_level", "CRITICAL")  # XLA calls a program taken from the cache an error
 # Most of the suite's time is compilation; programs compiled by one worker or run serve the others.
 jax.config.update("jax_compilation_cache_dir", str(Path(__file__).parents[1] / ".pytest_cache" / "xla"))
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.3)

@@ -30,10 +30,10 @@ def start_jax() -> None:
 
     A second run of the same command then starts 2-6 times faster.
     """
-    # XLA reports every program it takes from that cache as an error, harmlessly, and for pages.
-    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
     import jax
 
+    # XLA reports every program it takes from that cache as an error, harmlessly, and for pages.
+    jax.config.update("jax_logging_level", "CRITICAL")
     jax.config.update("jax_enable_x64", True)
     folder = os.environ.get("GLAZEJAX_CACHE") or Path.home() / ".cache" / "glazejax" / "xla"
     jax.config.update("jax_compilation_cache_dir", str(folder))

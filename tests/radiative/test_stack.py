@@ -37,7 +37,7 @@ def test_traced_index_agrees_with_known_index(index):
 
 def test_thick_layer_is_the_half_space_of_chandrasekhar():
     def h_function(mu, q):
-        # Explicit integral for isotropic scattering (Stibbs & Weir, MNRAS 119, 1959, eq. 12).
+        # Explicit integral for isotropic scattering (Stibbs & Weir, MNRAS 119, 1959).
         def integrand(t):
             return np.log1p(-q * t / np.tan(t)) / (np.cos(t) ** 2 + (mu * np.sin(t)) ** 2)
 

@@ -1,6 +1,7 @@
 """Edges, extremes, batches, single precision and bulk use: finite, right, and never a hang."""
 
 import itertools
+import os
 import re
 import subprocess
 import sys
@@ -207,15 +208,43 @@ print(float(jax.jit(jax.value_and_grad(f, argnums=(0, 1, 2)))(q, d, g)[0]))
 
 
 @pytest.mark.slow
-def test_twenty_fresh_processes_finish():
+def test_twenty_fresh_processes_finish(tmp_path):
+    # The processes share their compiled programs; what may hang is running them.
+    environment = os.environ | {"JAX_COMPILATION_CACHE_DIR": str(tmp_path)}
+
     def run(_):
-        done = subprocess.run([sys.executable, "-c", _BULK], capture_output=True, text=True, timeout=240)
+        command = [sys.executable, "-c", _BULK]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=240, env=environment)
         return done.returncode, done.stdout, done.stderr
 
     with ThreadPoolExecutor(2) as pool:
         for code, out, err in pool.map(run, range(20)):
             assert code == 0, err
             assert np.isfinite(float(out))
+
+
+_MEMORY = """
+import resource
+import jax
+jax.config.update("jax_enable_x64", True)
+import jax.numpy as jnp, numpy as np
+from glazejax import stack_reflectance_factor
+rng = np.random.default_rng(0)
+size = 200_000
+q, d = (jnp.asarray(rng.uniform(0, high, (size, 2))) for high in (1, 2))
+f = lambda q, d: stack_reflectance_factor(q, d, 0.8, tolerance=1e-4).sum()
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+jax.block_until_ready(jax.jit(jax.grad(f, argnums=(0, 1)))(q, d))
+print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024)
+"""
+
+
+@pytest.mark.slow
+def test_memory_stays_bounded():
+    # All at once the layers' matrices alone would take 200 000 x 2 x 11 x 11 x 8 bytes = 370 MiB each, eight times.
+    done = subprocess.run([sys.executable, "-c", _MEMORY], capture_output=True, text=True, timeout=240)
+    assert done.returncode == 0, done.stderr
+    assert float(done.stdout) < 600
 
 
 @pytest.mark.parametrize(
