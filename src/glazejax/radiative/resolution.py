@@ -8,6 +8,8 @@ from glazejax.radiative.directions import Resolution
 _NEAR_ONE = 1.07
 # No real medium; but asked for, it gets the directions that its almost singular interface needs.
 _SLIVER = 1.0001
+# Above this index the cone is narrow and what it lets out is bright: one node more.
+_HIGH = 1.85
 
 
 class _Row(NamedTuple):
@@ -24,7 +26,7 @@ _ROWS = (
     _Row(1e-3, 4, 5, 6, 5),
     _Row(1e-4, 5, 6, 8, 7),
     _Row(1e-5, 6, 8, 11, 8),
-    _Row(1e-6, 7, 9, 12, 10),
+    _Row(1e-6, 7, 10, 12, 11),
     _Row(1e-7, 8, 12, 14, 13),
     _Row(1e-8, 9, 15, 17, 16),
     _Row(1e-9, 11, 17, 20, 19),
@@ -52,4 +54,4 @@ def resolve(tolerance: float, lowest_index: float, highest_index: float) -> Reso
         return Resolution(3 * row.near_cone // 2 + 1, row.total, crowded=True)
     if lowest_index < _NEAR_ONE:
         return Resolution(row.near_cone, row.total, crowded=True)
-    return Resolution(row.cone, row.total, crowded=False)
+    return Resolution(row.cone + (highest_index > _HIGH), row.total, crowded=False)
