@@ -34,7 +34,7 @@ def stacks() -> tuple[np.ndarray, np.ndarray]:
 
 def disort(streams: int):
     """CDISORT's solver, set up once; the function it returns solves and gives the reflectance factor."""
-    import nanodisort
+    import nanodisort  # pyright: ignore[reportMissingImports]
 
     albedo, thickness = stacks()
     solver = nanodisort.BatchSolver(nthreads=os.cpu_count() or 1)

@@ -278,7 +278,18 @@ class _Parts(NamedTuple):
     factor: Array  # (batch,), C
 
 
+def _above_one(index: Array) -> Array:
+    """The index, or the least above one at which the totally reflected directions do not vanish.
+
+    A sliver keeps 1/mu finite where an array of indices holds a one.
+    """
+    least = 1.0 + (1e-14 if index.dtype == jnp.float64 else 1e-6)
+    return index + jax.lax.stop_gradient(jnp.maximum(index, least) - index)
+
+
 def _parts(stack: Stack, resolution: Resolution) -> _Parts:
+    if isinstance(stack.refractive_index, jax.Array):
+        stack = stack._replace(refractive_index=_above_one(stack.refractive_index))
     n = stack.refractive_index
     directions = half_range(n, resolution)
     medium = _medium(stack, directions)
@@ -330,3 +341,19 @@ def reflectance_and_gradient(
 
     value, pull_back = jax.vjp(stationary, {name: getattr(stack, name) for name in wanted})
     return value, pull_back(jnp.ones_like(value))[0]
+
+
+# Nearer to an index of one a slope by the index drowns in the quadrature's error; it changes by some 2 % from here on.
+_LEAST_SLOPING_INDEX = 1.0 + 1e-4
+
+
+def slope_by_index(stack: Stack, resolution: Resolution, slope: Array) -> Array:
+    """The given d reflectance / d index, but taken a little above where an index is one, or almost."""
+
+    def above() -> Array:
+        lifted = jnp.maximum(stack.refractive_index, _LEAST_SLOPING_INDEX)
+        return reflectance_and_gradient(stack._replace(refractive_index=lifted), resolution, ("refractive_index",))[1][
+            "refractive_index"
+        ]
+
+    return jax.lax.cond(jnp.any(stack.refractive_index < _LEAST_SLOPING_INDEX), above, lambda: slope)

@@ -195,7 +195,12 @@ def _evaluate(inputs: _Inputs, tolerance: float, method: str) -> Array:
     index = _concrete(inputs.refractive_index)
     number = inputs.refractive_index
     fixed = float(number) if isinstance(number, int | float | np.floating | np.integer) else None
-    low, high = INDEX_RANGE if index is None or index.size == 0 else (float(index.min()), float(index.max()))
+    if index is None or index.size == 0:
+        low, high = INDEX_RANGE
+    else:
+        low, high = float(index.min()), float(index.max())
+    if fixed is None and high == 1.0:
+        high = 1.001  # an array may be differentiated by, and slopes at one are those just above it
     floor = 1e-5 if dtype == jnp.float32 else 0.0
     resolution = resolve(max(tolerance, floor), low, high)
     nodes = resolution.cone + resolution.total
@@ -236,7 +241,12 @@ def _reflectance_jvp(options: _Options, primals, tangents):
     }
 
     def one(chunk: Stack) -> tuple[Array, dict[str, Array]]:
-        return ordinates.reflectance_and_gradient(_with_index(chunk, options), options.resolution, tuple(changes))
+        chunk = _with_index(chunk, options)
+        value, slopes = ordinates.reflectance_and_gradient(chunk, options.resolution, tuple(changes))
+        if "refractive_index" in slopes:
+            by_index = ordinates.slope_by_index(chunk, options.resolution, slopes["refractive_index"])
+            slopes = slopes | {"refractive_index": by_index}
+        return value, slopes
 
     value, gradient = _in_chunks(one, stack, options.chunk)
     tangent = jnp.zeros_like(value)
