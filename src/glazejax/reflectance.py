@@ -32,9 +32,6 @@ def reflectance(
     Source: paper A (Shinozawa et al. 2013), section 3.2.
     """
     albedo, thickness = glaze.albedo, glaze.optical_thickness
-    if not glaze.layers:
-        # A layer of no thickness is exactly no layer, and spares the solvers a special case.
-        albedo = thickness = jnp.zeros((*albedo.shape[:-1], 1), dtype=albedo.dtype)
     n = glaze.refractive_index
     match geometry:
         case Bidirectional():

@@ -125,3 +125,4 @@ def test_no_layers_is_the_bare_ground():
     thin = stack_reflectance_factor([0.5], [0.0], np.array([0.0, 0.5, 1.0]))
     assert np.allclose(bare, thin, rtol=0, atol=1e-15)
     assert bare[0] == 0
+    assert stack_reflectance_factor(np.zeros((3, 0)), np.zeros((3, 0)), 0.5).shape == (3,)

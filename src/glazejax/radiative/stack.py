@@ -140,8 +140,9 @@ _RANGES: dict[str, tuple[str, Callable[[np.ndarray], np.ndarray]]] = {
 
 def _concrete(value: _Numbers) -> np.ndarray | None:
     """The value as a numpy array, or None while it is traced by jit or vmap."""
-    # Under jit even a constant that passes through a JAX function is traced, so plain numbers must not.
-    known = jax.lax.stop_gradient(value) if isinstance(value, jax.Array) else value
+    # A value that is only differentiated by is known; one that jit traces is not. Constants must not pass through a
+    # JAX function, which under jit would trace them too.
+    known = jax.lax.stop_gradient(value) if isinstance(value, jax.core.Tracer) else value
     try:
         return np.asarray(known)
     except jax.errors.TracerArrayConversionError:
@@ -174,7 +175,8 @@ def _evaluate(inputs: _Inputs, tolerance: float, method: str) -> Array:
         raise ValueError(f"albedo has {layers[0]} layers (last axis) but optical_thickness has {layers[1]}")
     count = max(layers) if 0 not in layers else 0
     if count == 0:  # A bare ground is the ground under an empty layer.
-        albedo, thickness, count = jnp.zeros((1,), dtype), jnp.zeros((1,), dtype), 1
+        albedo, thickness = (jnp.zeros((*array.shape[:-1], 1), dtype) for array in (albedo, thickness))
+        count = 1
     names = ("substrate_reflectance", "refractive_index", "cos_incidence", "cos_viewing")
     rest = {name: jnp.asarray(v, dtype) for name in names if (v := getattr(inputs, name)) is not None}
     shapes = {"albedo": albedo.shape[:-1], "optical_thickness": thickness.shape[:-1]}
