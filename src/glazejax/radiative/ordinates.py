@@ -343,17 +343,17 @@ def reflectance_and_gradient(
     return value, pull_back(jnp.ones_like(value))[0]
 
 
-# Nearer to an index of one a slope by the index drowns in the quadrature's error; it changes by some 2 % from here on.
-_LEAST_SLOPING_INDEX = 1.0 + 1e-4
+LEAST_SLOPING_INDEX = 1.0 + 1e-4
+"""Nearer to one a slope by the index drowns in the quadrature's error; from here on it changes by some 2 %."""
 
 
 def slope_by_index(stack: Stack, resolution: Resolution, slope: Array) -> Array:
     """The given d reflectance / d index, but taken a little above where an index is one, or almost."""
 
     def above() -> Array:
-        lifted = jnp.maximum(stack.refractive_index, _LEAST_SLOPING_INDEX)
+        lifted = jnp.maximum(stack.refractive_index, LEAST_SLOPING_INDEX)
         return reflectance_and_gradient(stack._replace(refractive_index=lifted), resolution, ("refractive_index",))[1][
             "refractive_index"
         ]
 
-    return jax.lax.cond(jnp.any(stack.refractive_index < _LEAST_SLOPING_INDEX), above, lambda: slope)
+    return jax.lax.cond(jnp.any(stack.refractive_index < LEAST_SLOPING_INDEX), above, lambda: slope)

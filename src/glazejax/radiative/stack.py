@@ -33,6 +33,7 @@ class _Options(NamedTuple):
     resolution: Resolution
     refractive_index: float | None  # None where the index is an array of the stack
     chunk: int
+    near_one: bool  # whether an index of (almost) one may come
 
 
 def stack_reflectance_factor(
@@ -208,7 +209,8 @@ def _evaluate(inputs: _Inputs, tolerance: float, method: str) -> Array:
     resolution = resolve(max(tolerance, floor), low, high)
     nodes = resolution.cone + resolution.total
     bytes_each = (count + 3) * nodes**2 * dtype.itemsize
-    options = _Options(resolution, fixed, max(16, _CHUNK_BYTES // bytes_each))
+    near_one = low < ordinates.LEAST_SLOPING_INDEX
+    options = _Options(resolution, fixed, max(16, _CHUNK_BYTES // bytes_each), near_one)
     stack = Stack(
         flat_layers(albedo),
         flat_layers(thickness),
@@ -246,7 +248,7 @@ def _reflectance_jvp(options: _Options, primals, tangents):
     def one(chunk: Stack) -> tuple[Array, dict[str, Array]]:
         chunk = _with_index(chunk, options)
         value, slopes = ordinates.reflectance_and_gradient(chunk, options.resolution, tuple(changes))
-        if "refractive_index" in slopes:
+        if "refractive_index" in slopes and options.near_one:
             by_index = ordinates.slope_by_index(chunk, options.resolution, slopes["refractive_index"])
             slopes = slopes | {"refractive_index": by_index}
         return value, slopes
