@@ -99,7 +99,7 @@ def main() -> None:
     print(f"41 wavelengths x 2 layers, {os.cpu_count()} cores; {environment('nanodisort')}")
     disort_truth = disort(192)()
     print(f"at n = 1 both programs agree to {np.max(np.abs(ours(1.0, 1e-10)() / disort_truth - 1)):.0e}\n")
-    print("relative error  program                         setting           error     ms   time/CDISORT")
+    print("relative error  program                            setting           error     ms   time/CDISORT")
     for wanted in (1e-4, 1e-8):
         streams, disort_error = cheapest(disort, STREAMS, disort_truth, wanted)
         rows = {"CDISORT, no surface": (f"{streams} streams", disort_error)}
@@ -114,7 +114,7 @@ def main() -> None:
         seconds = interleaved(programs)
         for name, (setting, error) in rows.items():
             ratio = seconds[name] / seconds["CDISORT, no surface"]
-            print(f"{wanted:<15.0e} {name:<31} {setting:<16} {error:.1e} {1e3 * seconds[name]:6.2f} {ratio:8.2f}")
+            print(f"{wanted:<15.0e} {name:<34} {setting:<16} {error:.1e} {1e3 * seconds[name]:6.2f} {ratio:8.2f}")
 
 
 if __name__ == "__main__":
