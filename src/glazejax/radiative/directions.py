@@ -87,7 +87,7 @@ def half_range(refractive_index: float | Float[Array, "*batch"], resolution: Res
     """Directions for media of index n under a smooth interface to air.
 
     Args:
-        refractive_index: n, a number >= 1 (the result is then numpy, double precision) or a JAX array (...), by
+        refractive_index: n >= 1, a number (the result is then numpy, double precision) or a JAX array (...), by
             which the result can be differentiated.
         resolution: node counts, static.
 
@@ -98,15 +98,19 @@ def half_range(refractive_index: float | Float[Array, "*batch"], resolution: Res
     n = refractive_index[..., None] if isinstance(refractive_index, jax.Array) else np.float64(refractive_index)
     outside, w_outside = graded_gauss(resolution.cone) if resolution.crowded else gauss(resolution.cone)
     excess = (n - 1.0) * (n + 1.0)
+    if resolution.total:
+        # At n = 1 the totally reflected part is empty; a sliver keeps 1/mu finite where n is an array.
+        excess = xp.maximum(excess, 1e-18 if excess.dtype == np.float64 else 1e-11)
     cosines = xp.sqrt(excess + outside**2) / n
     weights = w_outside * outside / (n * n * cosines)
     reflectance = dielectric_reflectance(outside, n)
     if resolution.total:
-        critical = xp.sqrt(excess) / n  # an array index must be above 1 (`ordinates` sees to it)
+        critical = xp.sqrt(excess) / n
         y, w = graded_gauss(resolution.total)
         cosines = xp.concatenate([cosines, critical * y], axis=-1)
         weights = xp.concatenate([weights, critical * w], axis=-1)
-        reflectance = xp.concatenate([reflectance, xp.ones_like(critical * y)], axis=-1)
+        beyond = xp.where(n > 1.0, 1.0, 0.0) * xp.ones(resolution.total)
+        reflectance = xp.concatenate([reflectance, beyond], axis=-1)
     return Directions(cosines, conserve(cosines, weights), reflectance)
 
 

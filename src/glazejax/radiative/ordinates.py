@@ -278,18 +278,7 @@ class _Parts(NamedTuple):
     factor: Array  # (batch,), C
 
 
-def _above_one(index: Array) -> Array:
-    """The index, or the least above one at which the totally reflected directions do not vanish.
-
-    A sliver keeps 1/mu finite where an array of indices holds a one.
-    """
-    least = 1.0 + (1e-14 if index.dtype == jnp.float64 else 1e-6)
-    return index + jax.lax.stop_gradient(jnp.maximum(index, least) - index)
-
-
 def _parts(stack: Stack, resolution: Resolution) -> _Parts:
-    if isinstance(stack.refractive_index, jax.Array):
-        stack = stack._replace(refractive_index=_above_one(stack.refractive_index))
     n = stack.refractive_index
     directions = half_range(n, resolution)
     medium = _medium(stack, directions)

@@ -7,6 +7,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, ArrayLike, Float
 
@@ -144,7 +145,7 @@ def _concrete(value: _Numbers) -> np.ndarray | None:
     """The value as a numpy array, or None while it is traced by jit or vmap."""
     # A value that is only differentiated by is known; one that jit traces is not. Constants must not pass through a
     # JAX function, which under jit would trace them too.
-    known = jax.lax.stop_gradient(value) if isinstance(value, jax.core.Tracer) else value
+    known = jax.lax.stop_gradient(value) if isinstance(value, Tracer) else value
     try:
         return np.asarray(known)
     except jax.errors.TracerArrayConversionError:
