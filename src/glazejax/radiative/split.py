@@ -15,7 +15,7 @@ class Split(NamedTuple):
       have been scattered in the layers before it came to the ground.
     - ``single``: 1/2 int_0^h q(s) g(s) exp(-s/mu) ds, light of the beam scattered once, with
       g(s) = T(mu_I) exp(-s/mu_0)/(2 pi mu_0) (eq. (4)).
-    - ``multiple``: 1/2 int_0^h q(s) f(s) exp(-s/mu) ds, diffuse light that was scattered once more; f (eq. (3)) includes
+    - ``multiple``: 1/2 int_0^h q(s) f(s) exp(-s/mu) ds, diffuse light scattered once more; f (eq. (3)) includes
       what the ground and the surface sent back into the layers.
     """
 
