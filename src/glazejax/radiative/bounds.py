@@ -1,0 +1,189 @@
+r"""Rigorous bounds on what a part of a stack can add to its reflectance, from closed forms alone (numpy).
+
+All rest on one fact about J(tau), the mean radiance at optical depth tau. It solves J = g + Lambda(q J), in which g
+comes from the beam directly and Lambda has non-negative kernels (H + U)/2 and the ground's (paper A, eqs (9), (17),
+(21)). So whatever function Psi obeys Psi - Lambda(q Psi) >= (1 - eta) Psi >= (1 - eta) g/g(0) is a ceiling,
+J <= g(0) Psi/(1 - eta). Two such functions do:
+
+    constant         Lambda 1 <= 1, whatever the ground and the interface, hence eta = max q
+    exp(-integral of kappa)   in layers over a black floor, for rates that do not fall with depth and obey
+                     kappa_l <= kappa(q_l/eta), where kappa(q) is the decay constant of the endless medium,
+                     q artanh(kappa)/kappa = 1. (The exponential through any depth lies above Psi everywhere, also
+                     above its mirror image in the interface, and the endless medium is solved by exponentials.)
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+# Rates from 0 to almost 1, by which kappa(q) is rounded down. A rate of one would make radiances unbounded.
+_RATES = np.concatenate([np.linspace(0.0, 0.98, 1500), 1.0 - np.geomspace(0.02, 1e-4, 200)[1:]])
+# The albedo each belongs to, falling from 1.
+_RATE_ALBEDO = np.concatenate([[1.0], _RATES[1:] / np.arctanh(_RATES[1:])])
+
+# Shares of the largest possible 1 - eta that are tried; the smallest bound counts.
+_TRIALS = (1.0, 0.6, 0.3, 0.1, 0.03)
+
+
+class End(NamedTuple):
+    """One end of a light path: the beam that comes in, or, by reciprocity, the view."""
+
+    cosine: Float[np.ndarray, "*batch"]
+    """Cosine inside the medium; 1, the deepest reaching, for all directions together."""
+    flux: Float[np.ndarray, "*batch"]
+    """Share of the flux that passes the interface."""
+    source: Float[np.ndarray, "*batch"]
+    """Mean radiance just below the interface for unit irradiance, g(0) = flux/(4 pi cosine)."""
+
+
+def decay_rate(albedo: Float[np.ndarray, "*batch"]) -> Float[np.ndarray, "*batch"]:
+    """The smallest decay constant kappa(q) of an endless medium, rounded down, (...), in [0, 1).
+
+    Args:
+        albedo: q, (...), in [0, 1].
+
+    Source: q artanh(kappa) = kappa; S. Chandrasekhar, Radiative Transfer, section 90.
+    """
+    # Descending albedo: the last entry whose albedo is not below q has the largest rate allowed.
+    index = np.searchsorted(-_RATE_ALBEDO, -np.asarray(albedo), side="right") - 1
+    return _RATES[np.clip(index, 0, _RATES.size - 1)]
+
+
+def hidden_below(
+    albedo: Float[np.ndarray, "stacks layers"],
+    optical_thickness: Float[np.ndarray, "stacks layers"],
+    ground: Float[np.ndarray, "stacks"],
+    refractive_index: Float[np.ndarray, "stacks"],
+    incidence: End,
+    viewing: End,
+    tolerance: float,
+) -> tuple[Float[np.ndarray, "stacks"], Bool[np.ndarray, "stacks"]]:
+    """How many layers of each stack can be seen.
+
+    With black below layer m the reflectance falls by the light that passes the layers above twice: at most
+
+        pi/n^2 [(phi_F + p_F) lambda_I + p_I lambda_F + p_I p_F c]/(1 - r),
+
+    where p is the flux of the beam that arrives straight, phi that of scattered light and lambda its largest
+    radiance, all for layers over black, r the largest reflectance of those layers from below, and c = 2/(pi mu) the
+    largest radiance that any medium sends back for unit flux in direction mu. (The medium that absorbs nothing and
+    has no interface sends back most. For it (C - beta exp(-kappa tau)) g(0) with C = 7, beta = 3, kappa = 0.8 is a
+    ceiling of J, so c = C/(4 pi mu) would do.)
+
+    Args:
+        albedo, optical_thickness: layers top first, (stacks, layers); albedo 0 in empty ones.
+        ground: reflectance of the Lambertian ground, (stacks,).
+        refractive_index: n, (stacks,).
+        incidence, viewing: the two ends of the path, arrays (stacks,).
+        tolerance: what the hidden part may change.
+
+    Returns:
+        Number of layers to follow, (stacks,), and whether the ground, or whatever lies below them, is hidden.
+    """
+    layers = albedo.shape[1]
+    filled = np.max(np.arange(1, layers + 1) * (optical_thickness > 0), axis=1, initial=0)
+    seen, hidden = filled.copy(), ground == 0
+    depth = np.cumsum(optical_thickness, axis=1)
+    rows = np.arange(albedo.shape[0])
+    for m in range(1, layers + 1):
+        rows = rows[filled[rows] >= m]
+        # The straight part is exact and the rest adds to it: where it alone is too much, nothing is hidden.
+        below = np.where(filled[rows] == m, ground[rows], 1.0)
+        straight = below * _straight(depth[rows, m - 1], incidence, viewing, rows) / refractive_index[rows] ** 2
+        try_rows, below = rows[straight <= tolerance], below[straight <= tolerance]
+        if try_rows.size == 0:
+            continue
+        bound = below * _hidden_change(
+            albedo[try_rows, :m],
+            optical_thickness[try_rows, :m],
+            refractive_index[try_rows],
+            End(*(leaf[try_rows] for leaf in incidence)),
+            End(*(leaf[try_rows] for leaf in viewing)),
+        )
+        done = try_rows[bound <= tolerance]
+        seen[done], hidden[done] = m, True
+        rows = np.setdiff1d(rows, done, assume_unique=True)
+    return seen, hidden
+
+
+def _straight(depth: np.ndarray, incidence: End, viewing: End, rows: np.ndarray) -> np.ndarray:
+    """pi p_I p_F c for beams that reach a depth unscattered."""
+    one, two = End(*(leaf[rows] for leaf in incidence)), End(*(leaf[rows] for leaf in viewing))
+    return _product(one, two, depth)
+
+
+def _product(one: End, two: End, depth: np.ndarray) -> np.ndarray:
+    arriving = one.flux * two.flux * np.exp(-depth / one.cosine - depth / two.cosine)
+    # Of all viewing directions together the cosine is not known, but that of the beam is.
+    known = np.where(two.cosine == 1.0, one.cosine, np.maximum(one.cosine, two.cosine))
+    return 2.0 * arriving / known
+
+
+def _hidden_change(albedo: np.ndarray, thickness: np.ndarray, index: np.ndarray, one: End, two: End) -> np.ndarray:
+    """The bound of `hidden_below` for anything below all the layers given, (stacks,)."""
+    depth = thickness.sum(axis=1)
+    brightest = albedo.max(axis=1)
+    from_below = 1.0 - _return(albedo, thickness)
+    straight = _product(one, two, depth)
+    best = np.full(depth.shape, np.inf)
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+        for share in _TRIALS:
+            loss = share * (1.0 - brightest)  # 1 - eta
+            rates = decay_rate(np.minimum(albedo / (1.0 - loss)[:, None], 1.0))
+            rates = np.minimum.accumulate(rates[:, ::-1], axis=1)[:, ::-1]  # not falling with depth
+            arriving = brightest / loss * np.exp(-(rates * thickness).sum(axis=1))
+            last = rates[:, -1]
+            spread = np.where(last > 1e-3, (-np.log1p(-last) - last) / np.maximum(last, 1e-3) ** 2, 0.501)
+            radiance = [end.source * arriving / (1.0 - last) for end in (one, two)]
+            flux = two.source * arriving * 2.0 * np.pi * spread
+            straight_flux = [end.flux * np.exp(-depth / end.cosine) for end in (one, two)]
+            scattered = (flux + straight_flux[1]) * radiance[0] + straight_flux[0] * radiance[1]
+            bound = (np.pi * scattered + straight) / (index**2 * from_below)
+            best = np.fmin(best, np.where(brightest == 0, straight / (index**2 * from_below), bound))
+    return best
+
+
+def _return(albedo: np.ndarray, thickness: np.ndarray) -> np.ndarray:
+    """Largest radiance that comes back from the layers for unit radiance from below in all directions.
+
+    A source q J <= q along each ray: what is lost is at least (1 - q) times the share of the ray within a layer.
+    """
+    brightest = np.maximum.accumulate(albedo[:, ::-1], axis=1)
+    within = np.cumsum(thickness[:, ::-1], axis=1)
+    within[:, -1] *= 2.0  # after the interface through all of them again
+    return 1.0 - np.max((1.0 - brightest) * -np.expm1(-within), axis=1)
+
+
+def scattered_beyond_first(
+    albedo: Float[np.ndarray, "stacks layers"],
+    optical_thickness: Float[np.ndarray, "stacks layers"],
+    ground_radiosity: tuple[Float[np.ndarray, "stacks"], Float[np.ndarray, "stacks"]],
+    refractive_index: Float[np.ndarray, "stacks"],
+    incidence: End,
+    viewing: End,
+) -> Float[np.ndarray, "stacks"]:
+    """Ceiling of all light but that scattered once by a layer, or only by the ground; (stacks,).
+
+    With J0 the field without scattering in the layers, the rest is 4 pi^2/n^2 times the integral over depth of
+    q (J_I J0_F - g_I g_F), where J <= J0 + max J0 q_max/(1 - q_max) and J0 = g + ground's share b M/2.
+
+    Args:
+        albedo, optical_thickness: (stacks, layers).
+        ground_radiosity: radiance b that leaves the ground without scattering in the layers, for unit irradiance by
+            either end, (stacks,) each.
+        refractive_index: n, (stacks,).
+        incidence, viewing: the two ends, arrays (stacks,).
+    """
+    brightest = np.where(optical_thickness > 0, albedo, 0.0).max(axis=1, initial=0.0)
+    # Integral of q M/2 <= q_max/4; of q g(s)/g(0) <= the scattering depth, or q_max mu.
+    scattering = (albedo * optical_thickness).sum(axis=1)
+    by_ground = np.minimum(scattering, 0.25 * brightest)
+    by_beam = [np.minimum(scattering, brightest * end.cosine) for end in (incidence, viewing)]
+    (b_one, b_two), g_one, g_two = ground_radiosity, incidence.source, viewing.source
+    with np.errstate(divide="ignore"):
+        again = np.where(brightest > 0, brightest / (1.0 - brightest), 0.0) * (g_one + b_one)
+    with np.errstate(invalid="ignore"):
+        rest = np.where(brightest > 0, again * (g_two * by_beam[1] + b_two * by_ground), 0.0)
+    crossed = g_one * b_two * np.minimum(by_beam[0], by_ground) + g_two * b_one * np.minimum(by_beam[1], by_ground)
+    return 4.0 * np.pi**2 / refractive_index**2 * (rest + crossed + b_one * b_two * by_ground)
