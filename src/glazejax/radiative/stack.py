@@ -11,14 +11,15 @@ from jax.core import Tracer
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, ArrayLike, Float
 
-from glazejax.radiative import ordinates
+from glazejax.radiative import auxiliary_graded, ordinates
 from glazejax.radiative.directions import Resolution
 from glazejax.radiative.ordinates import Stack
+from glazejax.radiative.panels import Mesh
 from glazejax.radiative.resolution import resolve
 
 _Numbers: TypeAlias = ArrayLike | Sequence[Any]
 
-Method = Literal["ordinates"]
+Method = Literal["ordinates", "auxiliary"]
 """Ways to compute the same quantity."""
 
 INDEX_RANGE = (1.0, 2.5)
@@ -26,12 +27,25 @@ INDEX_RANGE = (1.0, 2.5)
 
 # Bytes of one chunk's matrices: they should stay in a core's second-level cache.
 _CHUNK_BYTES = 2**20
+# The auxiliary method's matrices are too large for that: enough for a few stacks.
+_AUXILIARY_CHUNK_BYTES = 2**24
+
+# For each method: reflectance, the same with its gradient, and the slope by an index of (almost) one.
+_SOLVERS = {
+    "ordinates": (ordinates.reflectance, ordinates.reflectance_and_gradient, ordinates.slope_by_index),
+    "auxiliary": (
+        auxiliary_graded.reflectance,
+        auxiliary_graded.reflectance_and_gradient,
+        auxiliary_graded.slope_by_index,
+    ),
+}
 
 
 class _Options(NamedTuple):
     """What is fixed when the program is compiled."""
 
-    resolution: Resolution
+    method: str
+    resolution: Any  # the method's own: Resolution or Mesh
     refractive_index: float | None  # None where the index is an array of the stack
     chunk: int
     near_one: bool  # whether an index of (almost) one may come
@@ -64,7 +78,9 @@ def stack_reflectance_factor(
         cos_incidence: cosine of the angle of incidence in air, (...), in (0, 1].
         cos_viewing: cosine of the viewing angle in air, (...), in (0, 1].
         tolerance: absolute error wanted, a Python number; see Notes.
-        method: "ordinates" (discrete ordinates in even-parity form, `glazejax.radiative.ordinates`).
+        method: "ordinates" (discrete ordinates in even-parity form, `glazejax.radiative.ordinates`) or "auxiliary"
+            (paper A's integral equation on a graded mesh, `glazejax.radiative.auxiliary_graded`: slower, but it shares
+            no approximation with the other, so that each checks the other).
 
     Returns:
         Reflectance factor, shape of the broadcast batch. float64 if x64 is enabled in JAX, else float32.
@@ -207,11 +223,9 @@ def _evaluate(inputs: _Inputs, tolerance: float, method: str) -> Array:
     if fixed is None and high == 1.0:
         high = 1.001  # an array may be differentiated by, and slopes at one are those just above it
     floor = 1e-5 if dtype == jnp.float32 else 0.0
-    resolution = resolve(max(tolerance, floor), low, high)
-    nodes = resolution.cone + resolution.total
-    bytes_each = (count + 3) * nodes**2 * dtype.itemsize
+    resolution, chunk = _resolve(inputs, method, max(tolerance, floor), (low, high), count, dtype.itemsize)
     near_one = low < ordinates.LEAST_SLOPING_INDEX
-    options = _Options(resolution, fixed, max(16, _CHUNK_BYTES // bytes_each), near_one)
+    options = _Options(method, resolution, fixed, chunk, near_one)
     stack = Stack(
         flat_layers(albedo),
         flat_layers(thickness),
@@ -223,6 +237,20 @@ def _evaluate(inputs: _Inputs, tolerance: float, method: str) -> Array:
     return _run(stack, options).reshape(batch)
 
 
+def _resolve(
+    inputs: _Inputs, method: str, tolerance: float, indices: tuple[float, float], layers: int, itemsize: int
+) -> tuple[Resolution | Mesh, int]:
+    """The method's resolution, and how many stacks go through the processor at a time."""
+    if method == "auxiliary":
+        known = _concrete(inputs.optical_thickness)
+        thickest = np.inf if known is None else float(known.max(initial=0.0))
+        mesh = auxiliary_graded.resolve(tolerance, thickest, indices[0])
+        return mesh, max(1, _AUXILIARY_CHUNK_BYTES // auxiliary_graded.bytes_each(mesh, layers, itemsize))
+    resolution = resolve(tolerance, *indices)
+    nodes = resolution.cone + resolution.total
+    return resolution, max(16, _CHUNK_BYTES // ((layers + 3) * nodes**2 * itemsize))
+
+
 @functools.partial(jax.jit, static_argnums=1)
 def _run(stack: Stack, options: _Options) -> Array:
     return _reflectance(stack, options)
@@ -231,7 +259,7 @@ def _run(stack: Stack, options: _Options) -> Array:
 @functools.partial(jax.custom_jvp, nondiff_argnums=(1,))
 def _reflectance(stack: Stack, options: _Options) -> Array:
     def one(chunk: Stack) -> Array:
-        return ordinates.reflectance(_with_index(chunk, options), options.resolution)
+        return _SOLVERS[options.method][0](_with_index(chunk, options), options.resolution)
 
     return _in_chunks(one, stack, options.chunk)
 
@@ -248,9 +276,10 @@ def _reflectance_jvp(options: _Options, primals, tangents):
 
     def one(chunk: Stack) -> tuple[Array, dict[str, Array]]:
         chunk = _with_index(chunk, options)
-        value, slopes = ordinates.reflectance_and_gradient(chunk, options.resolution, tuple(changes))
+        _, gradient_of, slope_by_index = _SOLVERS[options.method]
+        value, slopes = gradient_of(chunk, options.resolution, tuple(changes))
         if "refractive_index" in slopes and options.near_one:
-            by_index = ordinates.slope_by_index(chunk, options.resolution, slopes["refractive_index"])
+            by_index = slope_by_index(chunk, options.resolution, slopes["refractive_index"])
             slopes = slopes | {"refractive_index": by_index}
         return value, slopes
 
