@@ -1,0 +1,505 @@
+"""The auxiliary function method on a uniform grid of optical depth, as paper A has it and better.
+
+The diffuse field enters by its auxiliary function f(tau) = int (omega+ + omega-) dmu/mu (eq. (3)), for which light
+scattered, reflected inside by the surface and by the ground is a linear integral equation in depth alone (21). Cut into
+Q segments it is (1/2 A P - E) f = -b (31), with A = H + U + c M M': H symmetric Toeplitz, U Hankel (4.1).
+
+Variants of the assembly:
+
+- ``direct``: every entry of A by its own quadrature, dh of every stack's own so that Q dh = h; the conventional method.
+- ``decomposed``: the same A from Q and 2Q - 1 numbers.
+- ``fixed_step``: one dh, so that one H and one U, tabulated once (`KernelTable`), serve all stacks.
+
+The paper's version has errors of first order in dh where an interface lies inside a segment or h is not a multiple of
+dh. ``corrected`` removes both. With a step of the stack's own it takes means over a segment of q and of the beam in
+place of the values at the midpoint. With a fixed step it is Galerkin's method: f constant in a segment, but q, the end
+of the glaze and the interfaces exact. Integrating by parts leaves the kernel at the edges of segments and layers,
+
+    int int z E_1(|s - s'|) z' ds ds' = -sum u u' E_3(|s - s'|) + 2 int z z' ds,     u the jumps of the source z,
+
+and likewise int int z J_0(s + s') z' = sum u u' J_2(s + s') for the surface: between the edges of the uniform grid
+that is a Toeplitz and a Hankel matrix for all stacks, and only the few rows of interfaces are a stack's own.
+"""
+
+import functools
+from collections import OrderedDict
+from typing import Any, Literal, NamedTuple, get_args
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import Array, Float
+
+from glazejax.radiative import assembly, stack
+from glazejax.radiative.contraction import solve_contraction
+from glazejax.radiative.exponential_integrals import expn, internal_reflection_integral
+from glazejax.radiative.fresnel import cos_refracted, dielectric_reflectance
+from glazejax.radiative.kernel_table import MOST_SEGMENTS, KernelTable
+from glazejax.radiative.kernels import decay_integral
+from glazejax.radiative.segments import Segments, append_axes
+from glazejax.radiative.split import Split
+
+Variant = Literal["direct", "decomposed", "fixed_step"]
+"""How the matrix comes about."""
+
+# Stacks are gathered by number of segments where that saves so many matrix elements; a bucket costs a call.
+_WORTH_A_BUCKET = 2**20
+# Elements of one vector over all stacks of a call, and of all matrices of a call where stacks have their own.
+_CHUNK_ELEMENTS = 2**20
+_CHUNK_MATRICES = 2**24
+_KEPT_TABLES = 8
+_kept: OrderedDict[tuple[float, float], KernelTable] = OrderedDict()
+
+
+class _Options(NamedTuple):
+    """What is fixed when the program is compiled."""
+
+    variant: Variant
+    corrected: bool
+    refractive_index: float
+    step: float
+    most: int
+
+
+class _Batch(NamedTuple):
+    """Stacks, first axis; cosines have axes of angles behind it, each of length one where they do not vary."""
+
+    albedo: Float[Array, "stacks layers"]
+    thickness: Float[Array, "stacks layers"]
+    ground: Float[Array, "stacks"]
+    cos_incidence: Float[Array, "stacks *angles"]
+    cos_viewing: Float[Array, "stacks *angles"]
+
+
+def reflectance_factor(albedo, optical_thickness, substrate_reflectance, **settings) -> Float[Array, "*batch"]:
+    """Reflectance factor pi L_out / E_in by the auxiliary function method: the sum of `split_reflectance_factor`.
+
+    Arguments, errors and notes are those of `split_reflectance_factor`.
+    """
+    return functools.reduce(
+        jnp.add, split_reflectance_factor(albedo, optical_thickness, substrate_reflectance, **settings)
+    )
+
+
+def split_reflectance_factor(
+    albedo: Float[Any, "*batch layers"],
+    optical_thickness: Float[Any, "*batch layers"],
+    substrate_reflectance: Float[Any, "*batch"],
+    *,
+    refractive_index: float = 1.5,
+    cos_incidence: Float[Any, "*batch"] = 1.0,
+    cos_viewing: Float[Any, "*batch"] = 1.0,
+    step: float = 0.01,
+    variant: Variant = "fixed_step",
+    corrected: bool = True,
+    table: KernelTable | None = None,
+) -> Split:
+    """Reflectance factor of a stack of layers in its three parts: ground, single and multiple scattering.
+
+    The same quantity as `glazejax.stack_reflectance_factor`, which gives one to an accuracy asked for; here the step
+    decides.
+
+    Args:
+        albedo: of each layer, top first, (..., layers), in [0, 1].
+        optical_thickness: of each layer, (..., layers), >= 0.
+        substrate_reflectance: of the Lambertian ground, from inside, (...), in [0, 1].
+        refractive_index: n of all layers, one number in [1, 2.5].
+        cos_incidence: cosine of the angle of incidence in air, (...), in (0, 1].
+        cos_viewing: cosine of the viewing angle in air, (...), in (0, 1].
+        step: dh, optical thickness of a segment, a number. A stack gets h/dh segments, rounded; with a step of its own
+            dh is then changed so that they fit.
+        variant: "direct", "decomposed" or "fixed_step", see the module.
+        corrected: whether interfaces and the glaze's end may lie inside a segment without an error of first order;
+            False is the paper as printed, in which a fixed step changes h to a multiple of dh.
+        table: of kernels, for "fixed_step"; it grows as needed. By default one for each index and step is kept
+            from call to call, the last eight.
+
+    Returns:
+        `Split`, each part of the shape of the broadcast batch. Where only the angles vary along an axis, the stacks'
+        matrices are made once for all of them.
+
+    Raises:
+        ValueError: a value out of range, shapes that do not broadcast, an unknown variant, a table of another index or
+            step, a stack of more than `kernel_table.MOST_SEGMENTS` segments, or an optical thickness that is traced
+            by `jax.jit` without a table to say how many segments there may be.
+
+    Notes:
+        The error is of second order in dh where ``corrected`` and about 0.05 dh^2 (0.01 to 0.1; `python -m
+        benchmarks.auxiliary_order` shows it); without, of first order.
+        Differentiable by albedo, thickness, ground and the cosines at a fixed number of segments, forward and reverse;
+        as printed, the result by a fixed step is piecewise constant in the thickness, so only the corrected one has a
+        derivative worth the name. Under `jax.jit` with a traced thickness give a table that is long enough: a stack
+        beyond it gives NaN.
+        The largest step of the batch's stacks sets nothing for the others: they are gathered by number of segments and
+        filled up with segments of albedo 0, which scatter nothing.
+
+    Source: paper A (Shinozawa et al. 2013), eqs (3)-(5), (17)-(34), sections 4.1 and 4.2.
+    """
+    given = {"albedo": albedo, "optical_thickness": optical_thickness, "substrate_reflectance": substrate_reflectance}
+    given |= {"cos_incidence": cos_incidence, "cos_viewing": cos_viewing}
+    _check(given, refractive_index, step, variant)
+    batch, restore = _flatten(given)
+    options = _Options(variant, bool(corrected), float(refractive_index), float(step), 0)
+    thickness = stack._concrete(batch.thickness)
+    if thickness is None:
+        return restore(_traced(batch, options, table))
+    count = np.asarray(_segments(np.sum(np.asarray(thickness, np.float64), axis=1), options))
+    most = int(count.max(initial=1))
+    if most > MOST_SEGMENTS:
+        thickest = float(np.sum(thickness, axis=1).max())
+        raise ValueError(
+            f"an optical thickness of {thickest:g} at step {step:g} needs {most} segments, more than {MOST_SEGMENTS}; "
+            f"use a step of {thickest / MOST_SEGMENTS:.2g} or more, or stack_reflectance_factor, which has no steps"
+        )
+    vectors = _vectors(_table(table, options, most), options)
+    angles = max(int(np.prod(batch.cos_incidence.shape[1:])), 1)
+    parts, order = [], []
+    for rows, most in _buckets(count):
+        chunk = max(1, _CHUNK_ELEMENTS // (most * (angles + 1)))
+        if variant != "fixed_step":
+            chunk = max(1, min(chunk, _CHUNK_MATRICES // most**2))
+        for start in range(0, rows.size, chunk):
+            some = rows[start : start + chunk]
+            filled = np.concatenate([some, np.repeat(some[:1], _rounded_up(some.size, chunk) - some.size)])
+            piece = jax.tree.map(lambda leaf, index=filled: leaf[index], batch)
+            run = _run(piece, jnp.asarray(count[filled]), vectors(most), options._replace(most=most))
+            parts.append(jax.tree.map(lambda leaf, size=some.size: leaf[:size], run))
+            order.append(some)
+    if not parts:
+        shape = (0, *jnp.broadcast_shapes(batch.cos_incidence.shape[1:], batch.cos_viewing.shape[1:]))
+        return restore(Split(*(jnp.zeros(shape, batch.albedo.dtype),) * 3))
+    if len(parts) == 1:
+        return restore(parts[0])
+    back = np.argsort(np.concatenate(order), kind="stable")
+    return restore(jax.tree.map(lambda *leaves: jnp.concatenate(leaves)[back], *parts))
+
+
+def _check(given: dict[str, Any], refractive_index: float, step: float, variant: str) -> None:
+    if variant not in get_args(Variant):
+        raise ValueError(f"variant {variant!r} is unknown; use one of {', '.join(map(repr, get_args(Variant)))}")
+    if not (np.ndim(step) == 0 and 0 < step < np.inf):
+        raise ValueError(f"step is {step}; it must be a positive optical thickness, such as 0.01")
+    if isinstance(refractive_index, Tracer) or np.ndim(refractive_index) > 0:
+        raise ValueError("refractive_index must be one number here; stack_reflectance_factor takes arrays")
+    for name, value in (given | {"refractive_index": refractive_index}).items():
+        known = stack._concrete(value)
+        words, test = stack._RANGES[name]
+        if known is not None and not np.all(good := test(known)):
+            raise ValueError(f"{name} holds {known[~good].flat[0]}; it must be {words}")
+
+
+def _flatten(given: dict[str, Any]):
+    """One axis of stacks, then axes of angles; and the function that gives a result its shape back."""
+    dtype = jnp.result_type(float)
+    arrays = {name: jnp.asarray(value, dtype) for name, value in given.items()}
+    albedo, thickness = arrays["albedo"], arrays["optical_thickness"]
+    if albedo.ndim == 0 or thickness.ndim == 0:
+        raise ValueError("albedo and optical_thickness need a last axis of layers; a single layer is [q]")
+    layers = (albedo.shape[-1], thickness.shape[-1])
+    if layers[0] != layers[1] and 1 not in layers:
+        raise ValueError(f"albedo has {layers[0]} layers (last axis) but optical_thickness has {layers[1]}")
+    if 0 in layers:  # A bare ground is the ground under an empty layer.
+        albedo, thickness = (jnp.zeros((*array.shape[:-1], 1), dtype) for array in (albedo, thickness))
+    layers = max(albedo.shape[-1], thickness.shape[-1])
+    shapes = {"albedo": albedo.shape[:-1], "optical_thickness": thickness.shape[:-1]}
+    shapes |= {name: array.shape for name, array in arrays.items() if name not in shapes}
+    try:
+        full = jnp.broadcast_shapes(*shapes.values())
+    except ValueError:
+        listing = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
+        raise ValueError(f"batch shapes do not broadcast: {listing} (layers, the last axis, not counted)") from None
+    matter = jnp.broadcast_shapes(*(shapes[n] for n in ("albedo", "optical_thickness", "substrate_reflectance")))
+    matter = (1,) * (len(full) - len(matter)) + matter
+    angular = [axis for axis, size in enumerate(full) if matter[axis] == 1 and size != 1]
+    others = [axis for axis in range(len(full)) if axis not in angular]
+    size = int(np.prod([full[axis] for axis in others]))
+
+    def of_matter(array: Array) -> Array:
+        return jnp.broadcast_to(array, matter).reshape(size)
+
+    def of_layers(array: Array) -> Array:
+        return jnp.broadcast_to(array, (*matter, layers)).reshape(size, layers)
+
+    def of_angles(array: Array) -> Array:
+        array = array.reshape((1,) * (len(full) - array.ndim) + array.shape)
+        wanted = [array.shape[axis] if axis in angular else full[axis] for axis in range(len(full))]
+        array = jnp.broadcast_to(array, wanted).transpose(*others, *angular)
+        return array.reshape(size, *array.shape[len(others) :])
+
+    batch = _Batch(
+        of_layers(albedo),
+        of_layers(thickness),
+        of_matter(arrays["substrate_reflectance"]),
+        of_angles(arrays["cos_incidence"]),
+        of_angles(arrays["cos_viewing"]),
+    )
+
+    def restore(result: Split) -> Split:
+        def one(leaf: Array) -> Array:
+            shape = [full[axis] for axis in (*others, *angular)]
+            return leaf.reshape(shape).transpose(*np.argsort([*others, *angular]).tolist())
+
+        return jax.tree.map(one, result)
+
+    return batch, restore
+
+
+def _segments(depth, options: _Options):
+    """How many segments stacks of this optical thickness get; for numpy and JAX arrays."""
+    xp = jnp if isinstance(depth, jax.Array) else np
+    count = xp.round(depth / options.step)
+    if options.variant == "fixed_step" and options.corrected:
+        return xp.maximum(count, 1).astype(int)
+    # The paper asks for two at least; nothing at all needs none.
+    return xp.where(depth > 0, xp.maximum(count, 2), 1).astype(int)
+
+
+def _buckets(count: np.ndarray) -> list[tuple[np.ndarray, int]]:
+    """Stacks (row numbers) of about equal segment counts, each with its padded count."""
+    ladder = np.array([_rounded_up(int(c)) for c in np.unique(count)] or [1])
+    buckets: list[tuple[np.ndarray, int]] = []
+    rest, waiting = np.arange(count.size), np.zeros(0, int)
+    for top in np.unique(ladder):
+        waiting = np.concatenate([waiting, rest[count[rest] <= top]])
+        rest = rest[count[rest] > top]
+        above = next((int(size) for size in np.unique(ladder) if size > top), None)
+        # What these stacks would cost in the next bucket up.
+        if above is None or waiting.size * (above**2 - int(top) ** 2) > _WORTH_A_BUCKET:
+            if waiting.size:
+                buckets.append((np.sort(waiting), int(top)))
+            waiting = np.zeros(0, int)
+    return buckets
+
+
+def _rounded_up(count: int, limit: int | None = None) -> int:
+    """To 1, 2, 3, 4, 6, 8, 12, 16, ..., so that few programs are compiled."""
+    size = 1
+    while size < count:
+        size = size * 3 // 2 if size & (size - 1) == 0 and size > 1 else size // 3 * 4 if size > 2 else size + 1
+    return size if limit is None else min(size, limit)
+
+
+def _table(table: KernelTable | None, options: _Options, most: int) -> KernelTable | None:
+    """The table to use, long enough; None where stacks have steps of their own."""
+    if options.variant != "fixed_step":
+        if table is not None:
+            raise ValueError(f"a table is for variant 'fixed_step'; {options.variant!r} has a step for every stack")
+        return None
+    key = (options.refractive_index, options.step)
+    if table is None:
+        table = _kept.setdefault(key, KernelTable(*key))
+        _kept.move_to_end(key)
+        while len(_kept) > _KEPT_TABLES:
+            _kept.popitem(last=False)
+    elif (table.refractive_index, table.step) != key:
+        raise ValueError(f"{table!r} does not fit refractive_index {key[0]:g} and step {key[1]:g}; make one that does")
+    table.grow(min(_rounded_up(most), MOST_SEGMENTS))
+    return table
+
+
+def _vectors(table: KernelTable | None, options: _Options):
+    """What the compiled program needs of the table: a function of the number of segments."""
+    if table is None:
+        return lambda most: ()
+    if options.corrected:
+        return lambda most: (table.e3[:most], table.j2[: 2 * most - 1])
+    toeplitz, hankel = table.toeplitz, table.hankel
+
+    def printed(most: int):
+        m = (table.e2[:most], table.j1[: 2 * most], table.e3[: most + 1], table.j2[: 2 * most + 1])
+        return toeplitz[:most], hankel[: 2 * most - 1], *m
+
+    return printed
+
+
+def _traced(batch: _Batch, options: _Options, table: KernelTable | None) -> Split:
+    """Under `jax.jit`: as many segments as the table given has."""
+    if options.variant != "fixed_step" or table is None or table.segments == 0:
+        raise ValueError(
+            "optical_thickness is traced by jax.jit, so the number of segments is not known; give variant 'fixed_step' "
+            "a table=KernelTable(refractive_index, step, segments) that is long enough, or do not jit"
+        )
+    most = table.segments
+    count = _segments(jax.lax.stop_gradient(jnp.sum(batch.thickness, axis=1)), options)
+    split = _run(batch, jnp.minimum(count, most), _vectors(table, options)(most), options._replace(most=most))
+    return jax.tree.map(lambda leaf: jnp.where(append_axes(jnp.asarray(count > most), leaf), jnp.nan, leaf), split)
+
+
+@functools.partial(jax.jit, static_argnums=3)
+def _run(batch: _Batch, count: Array, vectors: tuple, options: _Options) -> Split:
+    vectors = jax.tree.map(lambda v: jnp.asarray(v, batch.albedo.dtype), vectors)
+    if options.variant == "fixed_step" and options.corrected:
+        return _galerkin(batch, count, vectors, options)
+    return _collocation(batch, count, vectors, options)
+
+
+class _Beam(NamedTuple):
+    """A direction (stacks, *angles): its cosine inside, the transmittance of the surface, and exp(-h/mu)."""
+
+    cosine: Array
+    transmittance: Array
+    decay: Array
+
+    @classmethod
+    def make(cls, cos_air: Array, index: float, depth: Array) -> "_Beam":
+        cosine = cos_refracted(cos_air, index)
+        return cls(cosine, 1.0 - dielectric_reflectance(cos_air, index), jnp.exp(-append_axes(depth, cosine) / cosine))
+
+    def antiderivative(self, depth: Array) -> Array:
+        """Of exp(-s/mu) at depths (k, stacks), (k, stacks, *angles)."""
+        s = append_axes(depth, self.cosine[None])
+        return -self.cosine * jnp.exp(-s / self.cosine)
+
+
+def _galerkin(batch: _Batch, count: Array, vectors: tuple, options: _Options) -> Split:
+    """Fixed step, corrected; see the module."""
+    segments = Segments.make(batch.albedo.T, batch.thickness.T, options.step, count, options.most)
+    edges, faces = segments.edges, segments.faces
+    depth = faces[-1]
+
+    depths = jnp.concatenate([edges, faces])
+
+    def kernel(face: Array) -> Array:
+        reflected = internal_reflection_integral(2, face + depths, options.refractive_index)
+        return reflected - expn(3, jnp.abs(face - depths))
+
+    # A loop, or XLA would compile the kernel's series into each of its many uses.
+    to_all = jax.lax.map(kernel, faces)  # (layers, n + layers, stacks)
+    to_faces, among_faces = to_all[:, : options.most], to_all[:, options.most :]
+    among_edges = assembly.toeplitz_plus_hankel(-vectors[0], vectors[1])
+
+    def apply(t: Array) -> Array:
+        at_edges, at_faces = segments.jumps(t)
+        field_edges = jnp.matmul(among_edges, at_edges.reshape(options.most, -1), precision="highest").reshape(t.shape)
+        field_edges += jnp.sum(to_faces[..., None] * at_faces[:, None], axis=0)
+        field_faces = jnp.sum(to_faces[..., None] * at_edges, axis=1)
+        field_faces += jnp.sum(among_faces[..., None] * at_faces, axis=1)
+        return segments.doubled[..., None] * t - 0.5 * segments.average(field_edges, field_faces)
+
+    incident = _Beam.make(batch.cos_incidence, options.refractive_index, depth)
+    viewing = _Beam.make(batch.cos_viewing, options.refractive_index, depth)
+    into, out = ((beam.antiderivative(edges), beam.antiderivative(faces)) for beam in (incident, viewing))
+    strength = incident.transmittance / (2.0 * jnp.pi * incident.cosine)
+    # M, the light that an evenly bright ground sends: the kernel's column at the ground.
+    scattered, from_ground = _solve(
+        apply, segments.scattering, strength * segments.average(*into), -segments.average(to_faces[-1], among_faces[-1])
+    )
+    seen = segments.integrate(*out)
+
+    def to_ground(beam: _Beam, sources: Array) -> Array:
+        """mu exp(-h/mu) and what is scattered towards the ground after; of the viewing beam, the reverse."""
+        return beam.cosine * beam.decay + 0.5 * jnp.sum(append_axes(from_ground, sources) * sources, axis=0)
+
+    back = jnp.sum(-segments.integrate(to_faces[-1], among_faces[-1]) * from_ground, axis=0)
+    k = 2.0 * among_faces[-1, -1] + 1.0  # 2 J_2(2h): the kernel there is J_2(2h) - E_3(0)
+    lost = append_axes(1.0 - batch.ground * (k + back), incident.cosine)
+    arriving = 2.0 * jnp.pi * strength * to_ground(incident, segments.integrate(*into)) / lost  # B
+    leaving = append_axes(batch.ground, arriving) / jnp.pi * arriving
+    single = strength * _scattered_once(batch, incident, viewing)
+    multiple = jnp.sum(seen * scattered, axis=0) + leaving * jnp.sum(seen * append_axes(from_ground, seen), axis=0)
+    return _seen(viewing, options.refractive_index, leaving, single, 0.5 * multiple)
+
+
+def _collocation(batch: _Batch, count: Array, vectors: tuple, options: _Options) -> Split:
+    """Eqs (23)-(34): midpoints; each stack's own step, or the fixed one as printed."""
+    index = options.refractive_index
+    depth = jnp.sum(batch.thickness, axis=1)
+    present = depth > 0
+    if options.variant == "fixed_step":
+        step = jnp.full_like(depth, options.step)
+        count = jnp.where(present, count, 0)
+        depth = count * step
+        matrix, *rest = vectors
+        matrix = assembly.toeplitz_plus_hankel(matrix, rest.pop(0))
+        m, m_integrated, k = _tabulated_ground(rest, count, options.most)
+    else:
+        step = jnp.where(present, depth / count, options.step)
+        assemble = assembly.direct if options.variant == "direct" else assembly.decomposed
+        matrix, m, m_integrated, k = assemble(step, depth, options.most, index)
+    incident, viewing = (_Beam.make(c, index, depth) for c in (batch.cos_incidence, batch.cos_viewing))
+    strength = incident.transmittance / (2.0 * jnp.pi * incident.cosine)
+    edges = jnp.arange(options.most + 1)[:, None] * step
+    if options.corrected:
+        segments = Segments.make(batch.albedo.T, batch.thickness.T, step, count, options.most)
+        albedo = jnp.where(present, segments.scattering / step, 0.0)
+
+        def weighted(beam: _Beam) -> Array:
+            return segments.integrate(beam.antiderivative(segments.edges), beam.antiderivative(segments.faces))
+
+        seen = weighted(viewing)
+        source = strength * weighted(incident) / append_axes(step, incident.cosine)
+        single = strength * _scattered_once(batch, incident, viewing)
+    else:
+        middle = edges[:-1] + 0.5 * step
+        layer = jnp.sum(jnp.cumsum(batch.thickness, axis=1).T[:-1, None] <= middle, axis=0)
+        albedo = jnp.take_along_axis(batch.albedo.T, layer, axis=0)
+        albedo = jnp.where((jnp.arange(options.most)[:, None] < count) & present, albedo, 0.0)
+        seen = viewing.antiderivative(edges)
+        seen = append_axes(albedo, seen) * (seen[1:] - seen[:-1])
+        g = strength * jnp.exp(-append_axes(middle, incident.cosine[None]) / incident.cosine)
+        source = append_axes(albedo, g) * g
+        single = 0.5 * jnp.sum(seen * g, axis=0)
+
+    def scatter(q_t: Array) -> Array:
+        """1/2 (H + U) of a source (n, stacks, cases)."""
+        if matrix.ndim == 2:
+            product = jnp.matmul(matrix, q_t.reshape(options.most, -1), precision="highest").reshape(q_t.shape)
+        else:
+            product = jnp.einsum("wij,wjk->wik", matrix, jnp.moveaxis(q_t, 1, 0), precision="highest")
+            product = jnp.moveaxis(product, 0, 1)
+        return 0.5 * product
+
+    scattered, from_ground = _solve(
+        lambda f: scatter(albedo[..., None] * f), albedo, source, m, first=scatter(_cases(source))
+    )
+    reaching = jnp.sum(append_axes(m_integrated, source) * (source + append_axes(albedo, source) * scattered), axis=0)
+    back = jnp.sum(m_integrated * albedo * from_ground, axis=0)
+    lost = append_axes(1.0 - batch.ground * (k + back), incident.cosine)
+    arriving = (incident.transmittance * incident.decay + jnp.pi * reaching) / lost  # B, eq. (34)
+    leaving = append_axes(batch.ground, arriving) / jnp.pi * arriving
+    multiple = jnp.sum(seen * scattered, axis=0) + leaving * jnp.sum(seen * append_axes(from_ground, seen), axis=0)
+    return _seen(viewing, index, leaving, single, 0.5 * multiple)
+
+
+def _solve(apply, weight: Array, source: Array, ground: Array, first: Array | None = None) -> tuple[Array, Array]:
+    """Auxiliary function of the beam's light (n, stacks, *angles) and of an evenly bright ground's (n, stacks).
+
+    Both without the ground's further reflections, which are a number for each stack.
+    """
+    beam = apply(_cases(source)) if first is None else first
+    both = solve_contraction(apply, weight[..., None], jnp.concatenate([beam, ground[..., None]], axis=-1))
+    return both[..., :-1].reshape(source.shape), both[..., -1]
+
+
+def _cases(array: Array) -> Array:
+    """(n, stacks, *angles) as (n, stacks, cases)."""
+    return array.reshape(*array.shape[:2], -1)
+
+
+def _tabulated_ground(tables: list[Array], count: Array, most: int) -> tuple[Array, Array, Array]:
+    """M, M' and K by the table: h is a multiple of the step, so that all depths in them are, too."""
+    e2, j1, e3, j2 = tables
+    i = jnp.arange(most)[:, None]
+    above = jnp.maximum(count - 1 - i, 0)
+    m = e2[above] + j1[count + i]
+    return m, e3[above] - e3[above + 1] + j2[count + i] - j2[count + i + 1], 2.0 * j2[2 * count]
+
+
+def _scattered_once(batch: _Batch, incident: _Beam, viewing: _Beam) -> Array:
+    """1/2 int q exp(-s/mu_0) exp(-s/mu) ds, exact."""
+    rate = 1.0 / incident.cosine + 1.0 / viewing.cosine
+    top = jnp.cumsum(batch.thickness, axis=1) - batch.thickness
+    total = jnp.zeros_like(rate)
+    for layer in range(batch.albedo.shape[1]):
+        q, above, d = (append_axes(a[:, layer], rate) for a in (batch.albedo, top, batch.thickness))
+        total += q * jnp.exp(-above * rate) * decay_integral(rate, d)
+    return 0.5 * total
+
+
+def _seen(viewing: _Beam, index: float, leaving: Array, single: Array, multiple: Array) -> Split:
+    """Radiance below the surface, by eq. (32), as parts of the reflectance factor."""
+    factor = jnp.pi / index**2 * viewing.transmittance / viewing.cosine
+    parts = (leaving * viewing.cosine * viewing.decay, single, multiple)
+    shape = jnp.broadcast_shapes(*(part.shape for part in parts))
+    return Split(*(jnp.broadcast_to(factor * part, shape) for part in parts))

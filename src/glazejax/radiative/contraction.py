@@ -1,0 +1,72 @@
+"""Linear systems (E - T) x = b whose T scatters light once: self-adjoint and a contraction.
+
+All but a little of T's spectrum lies at zero, so conjugate gradients need some ten products with T, where an
+elimination costs as much as N/3 of them and cannot use that all wavelengths share one matrix.
+"""
+
+from collections.abc import Callable
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+_TOLERANCE = {"float64": 1e-11, "float32": 3e-6}
+_MOST_STEPS = 500
+
+
+def solve_contraction(
+    apply: Callable[[Array], Array], weight: Float[Array, "n stacks #cases"], b: Float[Array, "n stacks cases"]
+) -> Float[Array, "n stacks cases"]:
+    """Solve x - T x = b for every stack and case, to rounding of about 1e-11 (3e-6 in float32).
+
+    Args:
+        apply: x -> T x, with eigenvalues below one, self-adjoint under sum_i weight_i x_i y_i. Rows of weight zero
+            must not act on the others.
+        weight: (n, stacks, 1), >= 0.
+        b: (n, stacks, cases).
+
+    Returns:
+        x, (n, stacks, cases), which can be differentiated by all that `apply` holds and by b.
+    """
+
+    def forward(_, right) -> Array:
+        return _conjugate_gradients(apply, weight, jnp.asarray(right))
+
+    def transposed(_, right) -> Array:
+        # T = S / W with S symmetric, so W (E - T) y = (E - T') (W y).
+        right, positive = jnp.asarray(right), weight > 0
+        y = _conjugate_gradients(apply, weight, jnp.where(positive, right / jnp.where(positive, weight, 1.0), 0.0))
+        return jnp.where(positive, weight * y, right)
+
+    return jnp.asarray(jax.lax.custom_linear_solve(lambda x: x - apply(x), b, forward, transposed))
+
+
+def _conjugate_gradients(apply: Callable[[Array], Array], weight: Array, b: Array) -> Array:
+    tolerance = _TOLERANCE[str(b.dtype)]
+
+    def dot(x: Array, y: Array) -> Array:
+        return jnp.sum(weight * x * y, axis=0)
+
+    goal = tolerance**2 * dot(b, b)
+
+    def unfinished(state) -> Array:
+        step, _, _, _, rest = state
+        return (step < _MOST_STEPS) & jnp.any(rest > goal)
+
+    def advance(state: tuple[Array, Array, Array, Array, Array]):
+        step, x, residual, direction, rest = state
+        image = direction - apply(direction)
+        energy = dot(direction, image)
+        moving = energy > 0  # a finished case stands still
+        length: Array = moving * rest / jnp.where(moving, energy, 1.0)
+        x = x + length * direction
+        residual = residual - length * image
+        left = dot(residual, residual)
+        share: Array = left / jnp.where(rest > 0, rest, 1.0)
+        return step + 1, x, residual, residual + share * direction, left
+
+    residual = apply(b)
+    state = (jnp.asarray(0), b, residual, residual, dot(residual, residual))
+    _, x, residual, _, _ = jax.lax.while_loop(unfinished, advance, state)
+    # x + residual = b + T x: one more scattering, which also gives the rows of weight zero their value.
+    return x + residual
