@@ -362,7 +362,8 @@ def _galerkin(batch: _Batch, count: Array, vectors: tuple, options: _Options) ->
 
     def kernel(face: Array) -> Array:
         reflected = internal_reflection_integral(2, face + depths, options.refractive_index)
-        return reflected - expn(3, jnp.abs(face - depths))
+        # Not abs, whose slope at zero is neither side's: a face on an edge is in the segment below it.
+        return reflected - expn(3, jnp.where(face >= depths, face - depths, depths - face))
 
     # A loop, or XLA would compile the kernel's series into each of its many uses.
     to_all = jax.lax.map(kernel, faces)  # (layers, n + layers, stacks)

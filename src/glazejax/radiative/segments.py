@@ -48,7 +48,10 @@ class Segments(NamedTuple):
         """Segments of stacks whose number of segments is `count`, at most `most`."""
         faces = jnp.cumsum(thickness, axis=0)
         index = jnp.arange(most)[:, None]
-        held = jnp.clip(jnp.floor(faces / step).astype(count.dtype), 0, count - 1).at[-1].set(count - 1)
+        edges = index * step * jnp.ones_like(faces[-1])
+        # A face on an edge is in the segment below; by comparison, so that rounding cannot set the two apart.
+        above = jnp.sum(faces[:, None] >= edges, axis=1, dtype=count.dtype)
+        held = jnp.clip(above - 1, 0, count - 1).at[-1].set(count - 1)
         layer = jnp.sum(held[:-1, None] < index, axis=0)
         present = index < count
 
@@ -58,7 +61,6 @@ class Segments(NamedTuple):
             nothing = jnp.zeros_like(edge)
             return cls(edges, faces, held, edge, drop, nothing, nothing)
 
-        edges = index * step * jnp.ones_like(faces[-1])
         first, second = with_albedo(albedo), with_albedo(albedo**2)
         scattering = first.integrate(edges, faces)
         enough = scattering > _NEGLIGIBLE * step
