@@ -7,7 +7,8 @@ when the module is.
 """
 
 import importlib.util
-from typing import NamedTuple
+import os
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -34,3 +35,31 @@ def two_layers(wavelengths: int = 41) -> Work:
 def installed(module: str) -> bool:
     """Whether a module of that name can be imported."""
     return importlib.util.find_spec(module) is not None
+
+
+class Streams(NamedTuple):
+    """Setting of a program with threads of its own."""
+
+    streams: int
+    threads: int
+
+    def __str__(self) -> str:
+        return f"{self.streams} streams/{self.threads}"
+
+
+def one_or_all_cores(*streams: int) -> tuple[Streams, ...]:
+    """Each number of streams with one thread and with one a core: threads that wait for a busy core can cost more."""
+    threads = sorted({1, os.cpu_count() or 1})
+    return tuple(Streams(number, count) for number in streams for count in threads)
+
+
+def without_blas_threads() -> Any:
+    """Keep BLAS, which all peers call with small matrices, to one thread from now on; None if that cannot be done.
+
+    On matrices of about 100 rows its threads cost the peers up to ten times the time. Call it when they are loaded.
+    """
+    if not installed("threadpoolctl"):
+        return None
+    from threadpoolctl import threadpool_limits  # pyright: ignore[reportMissingImports]
+
+    return threadpool_limits(limits=1, user_api="blas")

@@ -12,7 +12,7 @@ import numpy as np
 from benchmarks.peers import Work
 
 PACKAGE = "PythonicDISORT"
-SETTINGS = (8, 12, 16, 24, 32, 40, 64, 96)
+SETTINGS = (8, 12, 16, 32, 40, 64, 96)
 
 
 def reflectance(work: Work, streams: int) -> Callable[[], np.ndarray]:

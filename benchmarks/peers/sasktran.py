@@ -4,16 +4,15 @@ Isotropic scattering needs one azimuth mode. sasktran2 solves all of them unless
 `modes=1` is its best, `modes=0` its default. A layer of zero thickness ends the process.
 """
 
-import os
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.peers import Work
+from benchmarks.peers import Streams, Work, one_or_all_cores
 
 PACKAGE = "sasktran2"
-SETTINGS = (4, 6, 8, 12, 16, 20, 24, 32, 40, 48, 64)
+SETTINGS = one_or_all_cores(4, 8, 12, 16, 24, 32, 40, 64)
 
 
 class Gradient(NamedTuple):
@@ -24,13 +23,13 @@ class Gradient(NamedTuple):
     ground: np.ndarray  # (wavelengths,)
 
 
-def _set_up(work: Work, streams: int, derivatives: bool, modes: int) -> Callable[[], Any]:
+def _set_up(work: Work, setting: Streams, derivatives: bool, modes: int) -> Callable[[], Any]:
     import sasktran2 as sk  # pyright: ignore[reportMissingImports]
 
     wavelengths, layers = work.albedo.shape
     config = sk.Config()
-    config.num_threads = os.cpu_count() or 1
-    config.num_streams = config.num_singlescatter_moments = streams
+    config.num_threads = setting.threads
+    config.num_streams = config.num_singlescatter_moments = setting.streams
     config.multiple_scatter_source = sk.MultipleScatterSource.DiscreteOrdinates
     config.single_scatter_source = sk.SingleScatterSource.DiscreteOrdinates
     config.num_forced_azimuth = modes
@@ -61,15 +60,15 @@ def _set_up(work: Work, streams: int, derivatives: bool, modes: int) -> Callable
     return lambda: engine.calculate_radiance(atmosphere)
 
 
-def reflectance(work: Work, streams: int, modes: int = 1) -> Callable[[], np.ndarray]:
-    """Engine and atmosphere set up once, all cores; a call solves all wavelengths."""
-    solve = _set_up(work, streams, False, modes)
+def reflectance(work: Work, setting: Streams, modes: int = 1) -> Callable[[], np.ndarray]:
+    """Engine and atmosphere set up once, threads as the setting says; a call solves all wavelengths."""
+    solve = _set_up(work, setting, False, modes)
     return lambda: _factor(solve().radiance, work)
 
 
-def reflectance_and_gradient(work: Work, streams: int, modes: int = 1) -> Callable[[], tuple[np.ndarray, Gradient]]:
+def reflectance_and_gradient(work: Work, setting: Streams, modes: int = 1) -> Callable[[], tuple[np.ndarray, Gradient]]:
     """The same with its analytic derivatives by albedo, optical thickness and ground, wavelength by wavelength."""
-    solve = _set_up(work, streams, True, modes)
+    solve = _set_up(work, setting, True, modes)
     layers = work.albedo.shape[1]
 
     def run() -> tuple[np.ndarray, Gradient]:
