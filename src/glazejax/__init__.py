@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 from .geometry import Bidirectional, Hemispherical
 from .media import Glaze, Layer, Mixture, Pigment
-from .radiative.stack import stack_hemispherical_reflectance, stack_reflectance_factor
 
-# After the submodule of the same name is loaded, so that the function is what stays.
+# The functions picture and reflectance come after their submodules of the same name are loaded, so that they stay.
+from .picture import picture
+from .radiative.stack import stack_hemispherical_reflectance, stack_reflectance_factor
 from .reflectance import reflectance
 
 if TYPE_CHECKING:
@@ -30,6 +31,7 @@ __all__ = [
     "catalogue",
     "colour",
     "io",
+    "picture",
     "reflectance",
     "spectra",
     "stack_hemispherical_reflectance",

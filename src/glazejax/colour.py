@@ -259,8 +259,16 @@ def srgb(
     Source: IEC 61966-2-1:1999; matrices from its primaries, not rounded.
     """
     values = xyz(wavelengths, reflectance, illuminant=illuminant, observer=observer)
-    grid = tuple(validate_wavelengths(wavelengths).tolist())
-    matrix = _screen_matrix(grid, find_illuminant(illuminant), find_observer(observer))
+    return xyz_to_srgb(values, white_point(wavelengths, illuminant, observer), clip=clip)
+
+
+def xyz_to_srgb(xyz: Numbers, white: Grid, *, clip: bool = True) -> Float[Array, "*batch 3"]:
+    """Encoded sRGB of XYZ, (..., 3), seen under a white, (3,), on the same scale: white becomes (1, 1, 1).
+
+    Notes and source as `srgb`.
+    """
+    values = as_float_array(xyz)
+    matrix = _screen_matrix(tuple(np.asarray(white, float).tolist()))
     linear = jnp.matmul(values, jnp.asarray(matrix, dtype=values.dtype), precision="highest")
     if clip:
         linear = jnp.clip(linear, 0.0, 1.0)
@@ -272,13 +280,13 @@ def srgb(
 
 
 @lru_cache(maxsize=128)
-def _screen_matrix(grid: tuple[float, ...], illuminant: str, observer: str) -> Float[np.ndarray, "3 3"]:
+def _screen_matrix(white: tuple[float, ...]) -> Float[np.ndarray, "3 3"]:
     """Matrix M such that ``xyz @ M`` is linear sRGB, adapted from the illuminant's white."""
     colour = colour_science()
     space = colour.RGB_COLOURSPACES["sRGB"]
     to_xyz = colour.normalised_primary_matrix(space.primaries, space.whitepoint)
     adapt = colour.adaptation.matrix_chromatic_adaptation_VonKries(
-        _weights(grid, illuminant, observer).sum(axis=0), to_xyz.sum(axis=1), transform="Bradford"
+        np.asarray(white), to_xyz.sum(axis=1), transform="Bradford"
     )
     return (np.linalg.inv(to_xyz) @ adapt).T
 

@@ -61,16 +61,6 @@ def hidden_below(
 ) -> tuple[Float[np.ndarray, "stacks"], Bool[np.ndarray, "stacks"]]:
     """How many layers of each stack can be seen.
 
-    With black below layer m the reflectance falls by the light that passes the layers above twice: at most
-
-        pi/n^2 [(phi_F + p_F) lambda_I + p_I lambda_F + p_I p_F c]/(1 - r),
-
-    where p is the flux of the beam that arrives straight, phi that of scattered light and lambda its largest
-    radiance, all for layers over black, r the largest reflectance of those layers from below, and c = 2/(pi mu) the
-    largest radiance that any medium sends back for unit flux in direction mu. (The medium that absorbs nothing and
-    has no interface sends back most. For it (C - beta exp(-kappa tau)) g(0) with C = 7, beta = 3, kappa = 0.8 is a
-    ceiling of J, so c = C/(4 pi mu) would do.)
-
     Args:
         albedo, optical_thickness: layers top first, (stacks, layers); albedo 0 in empty ones.
         ground: reflectance of the Lambertian ground, (stacks,).
@@ -94,14 +84,14 @@ def hidden_below(
         try_rows, below = rows[straight <= tolerance], below[straight <= tolerance]
         if try_rows.size == 0:
             continue
-        bound = below * _hidden_change(
+        bound = hidden_change(
             albedo[try_rows, :m],
             optical_thickness[try_rows, :m],
             refractive_index[try_rows],
             End(*(leaf[try_rows] for leaf in incidence)),
             End(*(leaf[try_rows] for leaf in viewing)),
         )
-        done = try_rows[bound <= tolerance]
+        done = try_rows[(below == 0) | (bound <= tolerance / np.where(below > 0, below, 1.0))]
         seen[done], hidden[done] = m, True
         rows = np.setdiff1d(rows, done, assume_unique=True)
     return seen, hidden
@@ -120,8 +110,25 @@ def _product(one: End, two: End, depth: np.ndarray) -> np.ndarray:
     return 2.0 * arriving / known
 
 
-def _hidden_change(albedo: np.ndarray, thickness: np.ndarray, index: np.ndarray, one: End, two: End) -> np.ndarray:
-    """The bound of `hidden_below` for anything below all the layers given, (stacks,)."""
+def hidden_change(
+    albedo: Float[np.ndarray, "stacks layers"],
+    thickness: Float[np.ndarray, "stacks layers"],
+    index: Float[np.ndarray, "stacks"],
+    one: End,
+    two: End,
+) -> Float[np.ndarray, "stacks"]:
+    """How much anything below the layers given can add to what they reflect over black, at most; (stacks,).
+
+    It adds the light that passes the layers twice: at most
+
+        pi/n^2 [(phi_F + p_F) lambda_I + p_I lambda_F + p_I p_F c]/(1 - r),
+
+    where p is the flux of the beam that arrives straight, phi that of scattered light and lambda its largest
+    radiance, all for layers over black, r the largest reflectance of those layers from below, and c = 2/(pi mu) the
+    largest radiance that any medium sends back for unit flux in direction mu. (The medium that absorbs nothing and
+    has no interface sends back most. For it (C - beta exp(-kappa tau)) g(0) with C = 7, beta = 3, kappa = 0.8 is a
+    ceiling of J, so c = C/(4 pi mu) would do.)
+    """
     depth = thickness.sum(axis=1)
     brightest = albedo.max(axis=1)
     from_below = 1.0 - _return(albedo, thickness)

@@ -25,10 +25,12 @@ _Numbers: TypeAlias = ArrayLike | Sequence[Any]
 # Shares of the tolerance; exact savings need none.
 _SHARE_HIDDEN, _SHARE_SCATTERING, _SHARE_BANDS = 0.25, 0.25, 0.5
 # Stacks go to the solver in blocks of these sizes and, if grouped, these numbers of layers: few programs to compile.
-_BLOCKS = (4096, 1024, 256, 64)
+_BLOCKS = (4096, 512, 64)
 _DEPTHS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
+# A block at least this full is padded rather than cut into smaller ones.
+_FILLED = 0.6
 # A group smaller than this joins the next deeper one.
-_SMALLEST_GROUP = 64
+_SMALLEST_GROUP = 256
 # Optical thicknesses of the white medium that bounds every reflectance; between them it changes by less than a margin.
 _WHITE = np.concatenate([[0.0], np.geomspace(1e-3, 1e4, 63)])
 _WHITE_MARGIN = 1.05
@@ -381,10 +383,10 @@ def _group(depth: np.ndarray, members: np.ndarray, grouped: bool) -> list[tuple[
 
 
 def _blocks(count: int) -> list[tuple[int, int, int]]:
-    """(start, stop, padded size) of pieces that cover `count` stacks."""
+    """(start, stop, padded size) of pieces that cover `count` stacks: a size is padded where it is mostly filled."""
     pieces, start = [], 0
     for size in _BLOCKS:
-        while count - start >= size or (size == _BLOCKS[-1] and start < count):
+        while count - start >= _FILLED * size or (size == _BLOCKS[-1] and start < count):
             pieces.append((start, min(start + size, count), size))
             start += size
     return pieces

@@ -51,17 +51,23 @@ class Rows:
         return closed_form.end(self.cos_incidence, n), closed_form.end(self.cos_viewing, n)
 
 
-def once(rows: Rows) -> tuple[Rows, Int[np.ndarray, "entries"]]:
-    """Distinct stacks, and where each of the given ones is among them."""
-    columns = [column + 0.0 for column in rows.columns()]  # -0 becomes 0
-    key = np.zeros(rows.count, np.uint64)
+def distinct(columns: list[Float[np.ndarray, "entries"]]) -> tuple[Int[np.ndarray, "kept"], Int[np.ndarray, "entries"]]:
+    """First of each kind among entries equal in all columns, and which kind each entry is."""
+    columns = [np.asarray(column, np.float64) + 0.0 for column in columns]  # -0 becomes 0
+    key = np.zeros(columns[0].size, np.uint64)
     for column in columns:  # a hash sorts much faster than rows of numbers
         key = (key ^ column.view(np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
         key ^= key >> np.uint64(31)
     _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
     if not all(np.array_equal(column[first][inverse], column) for column in columns):
         _, first, inverse = np.unique(np.stack(columns, 1), axis=0, return_index=True, return_inverse=True)
-    return rows.take(first), inverse.reshape(-1)
+    return first, inverse.reshape(-1)
+
+
+def once(rows: Rows) -> tuple[Rows, Int[np.ndarray, "entries"]]:
+    """Distinct stacks, and where each of the given ones is among them."""
+    first, inverse = distinct(rows.columns())
+    return rows.take(first), inverse
 
 
 def simplify(rows: Rows) -> Rows:

@@ -1,0 +1,239 @@
+"""Glazed pictures: layers whose thickness changes from pixel to pixel, to sRGB.
+
+Every pixel is a glaze of its own, but all are points of one function: colour against the few numbers that differ
+from pixel to pixel. That function is computed where it is needed to meet a colour difference asked for, and
+interpolated in XYZ for all pixels; `full` computes every distinct pixel.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from . import colour
+from .geometry import Bidirectional, Geometry, Hemispherical
+from .media import Glaze, Layer, Mixture, Pigment
+from .radiative.fresnel import dielectric_reflectance
+from .radiative.plan import ALL, Savings, plan_stacks
+from .radiative.reduction import distinct
+from .radiative.thickness_table import MOST_AXES, thickness_table
+from .spectra import Numbers, as_array, concrete
+
+# Share of the colour difference left to the interpolation, and solver tolerance for one unit of it: near black, where
+# colour differences are most sensitive, an error of 1e-5 in one of X, Y, Z makes about 0.06.
+_SHARE = 0.9
+_SOLVER = 1e-5
+# Stacks planned together where every pixel is computed.
+_STACKS = 2**17
+# So few distinct pixels are computed one by one.
+_FEW = 256
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture and how it came about.
+
+    Attributes:
+        srgb: (h, w, 3), encoded sRGB in [0, 1].
+        xyz: (h, w, 3), CIE XYZ, Y = 1 for the perfect diffuser.
+        report: what was computed and what was not, in words.
+        delta_e: estimated largest CIEDE2000 difference from computing every pixel; 0 if every pixel was.
+        computed: number of glazes whose spectrum was computed.
+    """
+
+    srgb: Float[Array, "h w 3"]
+    xyz: Float[Array, "h w 3"]
+    report: str
+    delta_e: float
+    computed: int
+
+    def save(self, path: str | Path) -> None:
+        """Write the picture to a file; the ending, such as .png, says the format."""
+        from matplotlib.image import imsave
+
+        imsave(path, np.asarray(self.srgb, dtype=np.float64))
+
+    def __repr__(self) -> str:
+        return f"Picture({' x '.join(map(str, self.srgb.shape[:2]))}: {self.report})"
+
+
+def picture(
+    layers: Sequence[Pigment | Mixture],
+    thickness_maps: Sequence[Numbers],
+    substrate: Numbers,
+    geometry: Geometry | None = None,
+    *,
+    refractive_index: Numbers = 1.5,
+    illuminant: str = "D65",
+    observer: str | int = colour.CIE_1931,
+    delta_e: float = 0.1,
+    full: bool = False,
+    savings: Savings = ALL,
+) -> Picture:
+    """Picture of a glaze whose layers have a thickness map each.
+
+    Args:
+        layers: paint of each layer, top first, all on the same wavelengths.
+        thickness_maps: thickness of each layer in m, (h, w) or one number.
+        substrate: reflectance of the ground inside the medium, in [0, 1]: one number, a spectrum (bands,), or a
+            map (h, w) of grey.
+        geometry: where light comes from and from where one looks, one angle each; 45:0 if left out.
+        refractive_index: of all layers, one number or (bands,), in [1, 2.5].
+        illuminant, observer: see `glazejax.colour.colour_weights`.
+        delta_e: largest CIEDE2000 difference wanted from the full computation.
+        full: compute every distinct pixel instead of interpolating.
+        savings: what the solver's plan may leave out, see `glazejax.radiative.plan`.
+
+    Returns:
+        `Picture`.
+
+    Raises:
+        ValueError: maps of different shapes, none at all, a thickness that is NaN, negative or not in metres, another
+            number of maps than layers, an angle for each of many directions, or what `Glaze` and the colour
+            functions refuse.
+
+    Notes:
+        Up to three maps that are not constant are interpolated, with an error checked at pixels of the picture. More
+        than that, or few distinct pixels, and every distinct pixel is computed.
+    """
+    if not 0 < delta_e < 100:
+        raise ValueError(f"delta_e is {delta_e}; it must be positive, such as 0.1")
+    scene = _Scene(layers, thickness_maps, substrate, geometry, refractive_index, illuminant, observer)
+    tolerance = min(1e-3, _SOLVER * delta_e)
+    columns, varying = scene.varying()
+    first, inverse = distinct(columns) if columns else (np.zeros(1, int), np.zeros(scene.pixels, int))
+    points = np.stack([column[first] for column in columns], axis=1) if columns else np.zeros((1, 0))
+    counter = _Computed(scene, varying, tolerance, savings)
+    values, error, words = None, 0.0, ""
+    if not full and len(first) > _FEW and 1 <= points.shape[1] <= MOST_AXES:
+        table = thickness_table(
+            counter,
+            points.min(axis=0),
+            points.max(axis=0),
+            delta_e * _SHARE,
+            distance=scene.difference,
+            samples=points,
+        )
+        if table.error <= delta_e * _SHARE:
+            error = table.error
+            values = table(jnp.asarray(points))
+            shape = " x ".join(map(str, table.coefficients.shape[:-1]))
+            words = f", interpolated from {shape}, estimated Delta E00 {error:.2g}"
+    if values is None:
+        values = counter(points)
+    xyz = jnp.maximum(jnp.asarray(values), 0.0)[inverse].reshape(*scene.shape, 3)
+    report = f"{scene.pixels} pixels, {len(first)} distinct, {counter.count} computed{words}"
+    return Picture(colour.xyz_to_srgb(xyz, scene.white), xyz, report, error, counter.count)
+
+
+class _Scene:
+    """What the picture shows, checked, as NumPy arrays."""
+
+    def __init__(self, layers, maps, substrate, geometry, refractive_index, illuminant, observer):
+        layers = list(layers)
+        maps = [as_array(m) for m in maps]
+        if not layers or len(layers) != len(maps):
+            raise ValueError(f"{len(layers)} layers and {len(maps)} thickness maps: give each layer one map or number")
+        coats = [Layer(medium, thickness) for medium, thickness in zip(layers, maps, strict=True)]
+        ground = np.asarray(_known("substrate", substrate), float)
+        thickness = [np.asarray(_known("thickness", m), float) for m in maps]
+        names = [f"thickness of {medium.name!r}" for medium in layers] + ["substrate"]
+        for name, array in zip(names, [*thickness, ground], strict=True):
+            if array.ndim not in ((0, 2) if name != "substrate" else (0, 1, 2)):
+                raise ValueError(f"{name} has shape {array.shape}; it must be a map (h, w) or one number")
+        shapes = {name: a.shape for name, a in zip(names, [*thickness, ground], strict=True) if a.ndim == 2}
+        if len(set(shapes.values())) != 1:
+            listing = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
+            fix = f"maps differ in shape: {listing}" if shapes else "no map: for one glaze use glazejax.reflectance"
+            raise ValueError(fix)
+        self.shape = next(iter(shapes.values()))
+        self.pixels = int(np.prod(self.shape))
+        if self.pixels == 0:
+            raise ValueError(f"maps of shape {self.shape} hold no pixel")
+        # One glaze of unit thickness (1 mm, so that it is legal) holds the coefficients, and checks the rest.
+        unit = Glaze([Layer(coat.medium, 1e-3) for coat in coats], ground if ground.ndim < 2 else 0.0, refractive_index)
+        if ground.ndim == 2:
+            Glaze([], ground)
+        self.albedo = np.asarray(unit.albedo, float)  # (bands, layers)
+        self.extinction = 1e3 * np.asarray(unit.optical_thickness, float)
+        self.refractive_index = np.asarray(unit.refractive_index, float)
+        self.thickness, self.ground = thickness, ground
+        self.geometry = Bidirectional(45.0, 0.0) if geometry is None else geometry
+        self.directions, self.surface = _directions(self.geometry, self.refractive_index)
+        grid = unit.wavelengths
+        self.weights = colour.colour_weights(grid, illuminant, observer)
+        self.white = colour.white_point(grid, illuminant, observer)
+
+    def varying(self) -> tuple[list[np.ndarray], list[int]]:
+        """Maps that are not constant, flattened, and their number: that of a layer, or -1 for the ground."""
+        maps = [*enumerate(self.thickness), (-1, self.ground)]
+        chosen = [(k, m.reshape(-1)) for k, m in maps if m.ndim == 2 and m.min() < m.max()]
+        return [m for _, m in chosen], [k for k, _ in chosen]
+
+    def difference(self, one: np.ndarray, two: np.ndarray) -> np.ndarray:
+        """CIEDE2000 difference of XYZ, (points,)."""
+        return colour.delta_e_2000(*(colour.xyz_to_lab(xyz, self.white) for xyz in (one, two)))
+
+
+def _known(name: str, values: Numbers) -> np.ndarray:
+    array = concrete(values)
+    if array is None:
+        raise ValueError(f"{name} is traced by JAX, but a picture looks at its numbers: make it outside jit and grad")
+    return array
+
+
+def _directions(geometry: Geometry, index: np.ndarray) -> tuple[tuple[float, float | None], np.ndarray]:
+    """Cosines of incidence and viewing in air (None: hemispherical), and the surface's own reflectance, added."""
+    match geometry:
+        case Bidirectional():
+            viewing, mirror = np.asarray(geometry.cos_viewing, float), geometry.incidence == geometry.viewing
+        case Hemispherical():
+            viewing, mirror = None, True
+        case _:
+            raise TypeError(f"geometry must be Bidirectional or Hemispherical, not {type(geometry).__name__}")
+    incidence = np.asarray(geometry.cos_incidence, float)
+    if incidence.ndim or (viewing is not None and viewing.ndim):
+        raise ValueError("a picture has one angle of incidence and one of viewing, not an array of them")
+    specular = geometry.specular and bool(mirror)
+    surface = np.asarray(dielectric_reflectance(float(incidence), index)) if specular else np.zeros(())
+    return (float(incidence), None if viewing is None else float(viewing)), surface
+
+
+class _Computed:
+    """XYZ by the solver, for points that hold the varying quantities; counts them."""
+
+    def __init__(self, scene: _Scene, varying: list[int], tolerance: float, savings: Savings):
+        self.scene, self.varying, self.tolerance, self.savings = scene, varying, tolerance, savings
+        self.count = 0
+
+    def __call__(self, points: np.ndarray) -> np.ndarray:
+        self.count += len(points)
+        size = max(1, _STACKS // len(self.scene.weights))
+        return np.concatenate([self._some(points[i : i + size]) for i in range(0, len(points), size)])
+
+    def _some(self, points: np.ndarray) -> np.ndarray:
+        scene = self.scene
+        fixed = [0.0 if k in self.varying else m.flat[0] for k, m in enumerate(scene.thickness)]
+        thickness = np.tile(np.array(fixed), (len(points), 1))
+        ground = np.asarray(scene.ground.flat[0] if scene.ground.ndim == 2 else scene.ground)
+        for column, k in zip(points.T, self.varying, strict=True):
+            if k < 0:
+                ground = column[:, None]
+            else:
+                thickness[:, k] = column
+        incidence, viewing = scene.directions
+        plan = plan_stacks(
+            scene.albedo,
+            scene.extinction * thickness[:, None, :],
+            ground,
+            refractive_index=scene.refractive_index,
+            cos_incidence=incidence,
+            cos_viewing=viewing,
+            tolerance=self.tolerance,
+            savings=self.savings,
+            band_weights=scene.weights,
+        )
+        return (np.asarray(plan.run(), float) + scene.surface) @ scene.weights

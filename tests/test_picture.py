@@ -1,0 +1,113 @@
+"""Glazed pictures: equal to computing every pixel, whatever varies, and errors that help."""
+
+import numpy as np
+import pytest
+
+import glazejax as gj
+from glazejax import colour
+from glazejax.radiative.plan import ALL
+
+GRID = np.arange(400.0, 701.0, 30.0)
+SIZE = (24, 32)
+
+
+@pytest.fixture(scope="module")
+def paints() -> tuple[gj.Pigment, gj.Pigment]:
+    x = (GRID - 400) / 300
+    blue = gj.Pigment("blue", GRID, 5e5 * x + 2e4, 4e4 + 0 * x)
+    yellow = gj.Pigment("yellow", GRID, 4e5 * np.exp(-8 * x), 2e5 + 3e5 * x)
+    return blue, yellow
+
+
+@pytest.fixture(scope="module")
+def maps() -> tuple[np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(0)
+    y, x = np.mgrid[0 : SIZE[0], 0 : SIZE[1]] / 24
+    return 4e-6 * x * (1 + 0.2 * rng.random(SIZE)), 2e-6 + 20e-6 * np.sin(3 * y) ** 2 + 1e-6 * rng.random(SIZE)
+
+
+def difference(one, two, white) -> np.ndarray:
+    return colour.delta_e_2000(colour.xyz_to_lab(one.xyz, white), colour.xyz_to_lab(two.xyz, white))
+
+
+def test_interpolated_picture_is_the_full_one(paints, maps):
+    fast = gj.picture(paints, maps, 0.85)
+    full = gj.picture(paints, maps, 0.85, full=True)
+    assert fast.srgb.shape == fast.xyz.shape == (*SIZE, 3)
+    assert fast.computed < full.computed == np.prod(SIZE)
+    assert 0 < fast.delta_e <= 0.1
+    assert full.delta_e == 0
+    white = colour.white_point(GRID)
+    assert difference(fast, full, white).max() <= 0.1
+    np.testing.assert_allclose(fast.srgb, colour.xyz_to_srgb(fast.xyz, white))
+    assert "interpolated" in repr(fast)
+
+
+def test_full_picture_is_that_of_each_glaze(paints, maps):
+    corner = [m[:3, :1] for m in maps]
+    for geometry in (
+        gj.Hemispherical(8, specular=True),
+        gj.Bidirectional(30, 30, specular=True),
+        gj.Bidirectional(45, 0),
+    ):
+        image = gj.picture(paints, corner, 0.7, geometry, full=True)
+        glaze = gj.Glaze([gj.Layer(p, m) for p, m in zip(paints, corner, strict=True)], 0.7)
+        spectra = gj.reflectance(glaze, geometry)
+        np.testing.assert_allclose(image.srgb, colour.srgb(GRID, spectra), rtol=0, atol=2e-5)
+        np.testing.assert_allclose(image.xyz, colour.xyz(GRID, spectra), rtol=0, atol=3e-6)
+
+
+def test_map_of_the_ground_and_a_constant_layer(paints, maps):
+    rng = np.random.default_rng(1)
+    ground = rng.uniform(0.1, 0.9, SIZE)
+    fast = gj.picture(paints, [maps[0], 3e-6], ground, delta_e=0.5)
+    full = gj.picture(paints, [maps[0], np.full(SIZE, 3e-6)], ground, full=True)
+    assert "interpolated" in fast.report
+    assert difference(fast, full, colour.white_point(GRID)).max() <= 0.5
+
+
+def test_few_distinct_pixels_are_computed_one_by_one(paints):
+    steps = np.repeat(np.arange(8), 64).reshape(16, 32) * 1e-6
+    image = gj.picture(paints, [steps, 2e-6], np.linspace(0.5, 0.9, GRID.size))
+    assert (image.computed, image.delta_e) == (8, 0)
+    assert "8 distinct" in image.report
+    constant = gj.picture(paints, [np.full(SIZE, 1e-6), 2e-6], 0.5)
+    assert constant.computed == 1
+    assert np.ptp(np.asarray(constant.srgb), axis=(0, 1)).max() == 0
+
+
+def test_more_than_three_maps_are_computed_pixel_by_pixel(paints, maps):
+    small = [m[:17, :17] for m in (*maps, maps[0] / 2, maps[1] / 3)]
+    image = gj.picture([*paints, *paints], small, 0.5, delta_e=10, savings=ALL)
+    assert image.computed == 17 * 17
+    assert image.delta_e == 0
+
+
+def test_picture_is_written(paints, maps, tmp_path):
+    path = tmp_path / "picture.png"
+    gj.picture(paints, maps, 0.85).save(path)
+    from matplotlib.image import imread
+
+    assert imread(path).shape[:2] == SIZE
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"maps": (np.full(SIZE, 12.0), 1e-6)}, "thickness is in metres"),
+        ({"maps": (np.full(SIZE, np.nan), 1e-6)}, "thickness of 'blue' must be finite|thickness of 'blue' must be in"),
+        ({"maps": (np.full(SIZE, -1e-6), 1e-6)}, "not -1e-06"),
+        ({"maps": (np.full(SIZE, 1e-6), np.full((3, 3), 1e-6))}, "maps differ in shape"),
+        ({"maps": (np.full(7, 1e-6), 1e-6)}, r"map \(h, w\) or one number"),
+        ({"maps": (1e-6, 1e-6)}, "glazejax.reflectance"),
+        ({"maps": (np.full(SIZE, 1e-6),)}, "2 layers and 1 thickness maps"),
+        ({"substrate": np.full(SIZE, 84.0)}, "percent"),
+        ({"substrate": np.full(5, 0.5)}, "bands"),
+        ({"delta_e": 0.0}, "delta_e is 0"),
+        ({"geometry": gj.Bidirectional([10, 20], 0)}, "one angle"),
+    ],
+)
+def test_what_is_wrong_is_named(paints, change: dict, words: str):
+    asked = {"maps": (np.full(SIZE, 1e-6), 1e-6), "substrate": 0.5, "geometry": None, "delta_e": 0.1} | change
+    with pytest.raises(ValueError, match=words):
+        gj.picture(paints, asked["maps"], asked["substrate"], asked["geometry"], delta_e=asked["delta_e"])
