@@ -4,13 +4,17 @@ Every function here is analytic where a textbook form divides zero by zero (equa
 conservative scattering), so a beam on a node of the quadrature or an albedo of one is nothing special.
 """
 
+import math
+
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
-# Below these arguments the power series is used; above, the closed form has lost fewer digits.
+# Below these arguments the power series is used; above, the closed form has lost few digits.
 _SERIES_PHI = 0.5
-_SERIES_TANHC = 0.25
+_SERIES_DECAYS = 0.1
+_SERIES_TANH = 0.02
 
 # phi'(x) = sum_k (-1)^(k+1) (k+1)/(k+2)! x^k
 _PHI_SLOPE = (
@@ -31,35 +35,30 @@ _PHI_SLOPE = (
     -1.0 / 1394852659200,
 )
 
-# tanh(sqrt x)/sqrt x = sum_k t_k x^k, from the Bernoulli numbers.
-_TANHC = (
-    1.0,
+# d/dx tanh(sqrt x)/sqrt x, from the Bernoulli numbers.
+_TANHC_SLOPE = (
     -1.0 / 3,
-    2.0 / 15,
-    -17.0 / 315,
-    62.0 / 2835,
-    -1382.0 / 155925,
-    21844.0 / 6081075,
-    -929569.0 / 638512875,
-    6404582.0 / 10854718875,
-    -443861162.0 / 1856156927625,
-    18888466084.0 / 194896477400625,
-    -113927491862.0 / 2900518163668125,
-    58870668456604.0 / 3698160658676859375,
-    -8374643517010684.0 / 1298054391195577640625,
-    689005380505609448.0 / 263505041412702261046875,
-    -129848163681107301953.0 / 122529844256906551386796875,
-    1736640792209901647222.0 / 4043484860477916195764296875,
-    -418781231495293038913922.0 / 2405873491984360136479756640625,
+    2 * 2.0 / 15,
+    -3 * 17.0 / 315,
+    4 * 62.0 / 2835,
+    -5 * 1382.0 / 155925,
+    6 * 21844.0 / 6081075,
+    -7 * 929569.0 / 638512875,
+    8 * 6404582.0 / 10854718875,
 )
-_TANHC_SLOPE = tuple(k * c for k, c in enumerate(_TANHC))[1:]
+# (1 - e^-x)/x = sum_k (-x)^k/(k + 1)!
+_PHI = tuple((-1.0) ** k / math.factorial(k + 1) for k in range(10))
 
 
 def _polynomial(coefficients: tuple[float, ...], x: Array) -> Array:
-    total = jnp.full_like(x, coefficients[-1])
-    for c in coefficients[-2::-1]:
-        total = total * x + c
-    return total
+    """Even and odd powers apart: half the steps that wait for each other."""
+    square = x * x
+    even, odd = (jnp.full_like(x, half[-1]) for half in (coefficients[::2], coefficients[1::2]))
+    for c in coefficients[::2][-2::-1]:
+        even = even * square + c
+    for c in coefficients[1::2][-2::-1]:
+        odd = odd * square + c
+    return even + x * odd
 
 
 @jax.custom_jvp
@@ -85,41 +84,30 @@ def _phi_jvp(primals, tangents):
 
 
 @jax.custom_jvp
-def tanhc_sqrt(x: Float[Array, "..."]) -> Float[Array, "..."]:
-    """tanh(sqrt(x)) / sqrt(x) for x >= 0: analytic in x, so even in the eigenvalue's root."""
-    small = x < _SERIES_TANHC
-    root = jnp.sqrt(jnp.where(small, 1.0, x))
-    return jnp.where(small, _polynomial(_TANHC, jnp.where(small, x, 0.0)), jnp.tanh(root) / root)
+def tanh_sech(decay_squared: Float[Array, "..."], depth: Float[Array, "..."]) -> tuple[Array, Array]:
+    """tanh(kappa D)/kappa and 1/cosh(kappa D), both even in kappa = sqrt(decay_squared) >= 0."""
+    tiny = float(np.finfo(decay_squared.dtype).tiny)
+    kappa = jnp.sqrt(jnp.maximum(decay_squared, tiny))
+    faded = jnp.expm1(-kappa * depth)
+    fade = 1.0 + faded
+    norm = 1.0 / (1.0 + fade * fade)
+    return -faded * (1.0 + fade) * norm / kappa, 2.0 * fade * norm
 
 
-@tanhc_sqrt.defjvp
-def _tanhc_sqrt_jvp(primals, tangents):
-    x: Array = primals[0]
-    dx: Array = tangents[0]
-    value = tanhc_sqrt(x)
-    small = x < _SERIES_TANHC
-    safe = jnp.where(small, 1.0, x)
-    # d/dx from sech^2 = 1 - tanh^2.
-    closed = (1.0 - safe * value**2 - value) / (2.0 * safe)
-    slope = jnp.where(small, _polynomial(_TANHC_SLOPE, jnp.where(small, x, 0.0)), closed)
-    return value, slope * dx
-
-
-@jax.custom_jvp
-def sech_sqrt(x: Float[Array, "..."]) -> Float[Array, "..."]:
-    """1 / cosh(sqrt(x)) for x >= 0, without overflow."""
-    positive = x > 0
-    root = jnp.where(positive, jnp.sqrt(jnp.where(positive, x, 1.0)), 0.0)
-    decay = jnp.exp(-root)
-    return 2.0 * decay / (1.0 + decay * decay)
-
-
-@sech_sqrt.defjvp
-def _sech_sqrt_jvp(primals, tangents):
-    x: Array = primals[0]
-    dx: Array = tangents[0]
-    value = sech_sqrt(x)
-    return value, -0.5 * value * tanhc_sqrt(x) * dx
+@tanh_sech.defjvp
+def _tanh_sech_jvp(primals, tangents):
+    decay_squared: Array
+    depth: Array
+    decay_squared, depth = primals
+    d_squared, d_depth = tangents
+    tanh, sech = tanh_sech(decay_squared, depth)
+    argument = decay_squared * depth**2
+    small = argument < _SERIES_TANH
+    closed = (depth * sech**2 - tanh) / (2.0 * jnp.where(small, 1.0, decay_squared))
+    slope = jnp.where(small, depth**3 * _polynomial(_TANHC_SLOPE, jnp.where(small, argument, 0.0)), closed)
+    d_tanh = slope * d_squared + sech**2 * d_depth
+    d_sech = -0.5 * sech * tanh * depth * d_squared - sech * decay_squared * tanh * d_depth
+    return (tanh, sech), (d_tanh, d_sech)
 
 
 def decay_integral(a: Float[Array, "..."], depth: Float[Array, "..."]) -> Float[Array, "..."]:
@@ -127,9 +115,18 @@ def decay_integral(a: Float[Array, "..."], depth: Float[Array, "..."]) -> Float[
     return depth * phi(a * depth)
 
 
-def two_decays(a: Float[Array, "..."], b: Float[Array, "..."], depth: Float[Array, "..."]) -> Float[Array, "..."]:
-    """Integral of exp(-a (depth - t)) exp(-b t) over the layer: (e^-a D - e^-b D) / (b - a).
+def two_decays(
+    a: Float[Array, "..."],
+    b: Float[Array, "..."],
+    depth: Float[Array, "..."],
+    faded_a: Float[Array, "..."],
+    faded_b: Float[Array, "..."],
+) -> Float[Array, "..."]:
+    """Integral of exp(-a (depth - t)) exp(-b t) over the layer: (e^-a D - e^-b D)/(b - a), regular at a = b.
 
-    Written so that a = b, where the usual form is 0/0, is an ordinary point.
+    ``faded_a`` is expm1(-a depth), ``faded_b`` expm1(-b depth): the caller has them already.
     """
-    return depth * jnp.exp(-jnp.minimum(a, b) * depth) * phi(jnp.abs(b - a) * depth)
+    x = (b - a) * depth
+    close = jnp.abs(x) < _SERIES_DECAYS
+    series = depth * (1.0 + faded_a) * _polynomial(_PHI, jnp.where(close, x, 0.0))
+    return jnp.where(close, series, (faded_a - faded_b) / jnp.where(close, 1.0, b - a))

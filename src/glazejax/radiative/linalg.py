@@ -1,7 +1,8 @@
 """Small dense algebra in plain XLA operations, for matrices that need no pivoting.
 
-No LAPACK: two batched LAPACK calls in one compiled program can hang for ever on the CPU (jaxlib 0.10, 0.11.0),
-and at these sizes (up to some 40 rows) blocked elimination by matrix products is faster anyway.
+No LAPACK: two batched LAPACK calls in one compiled program can hang for ever on the CPU (jaxlib 0.10, 0.11.0).
+Up to some 40 rows halving the matrix is three times faster than eliminating row by row, which carries the whole batch
+through memory once a row.
 """
 
 import jax
@@ -10,6 +11,38 @@ import numpy as np
 from jaxtyping import Array, Float
 
 _BLOCK = 4
+# Up to here a product written as a sum, which XLA fuses with what surrounds it, beats a call of its matrix product.
+_FUSED = 24
+
+
+def _product(a: Array, b: Array) -> Array:
+    if max(a.shape[-2:]) <= _FUSED:
+        return jnp.sum(a[..., :, :, None] * b[..., None, :, :], axis=-2)
+    return a @ b
+
+
+def transposed(a: Float[Array, "*batch n m"]) -> Float[Array, "*batch m n"]:
+    """Matrix transpose."""
+    return jnp.swapaxes(a, -1, -2)
+
+
+def inverse_positive(a: Float[Array, "*batch n n"]) -> Float[Array, "*batch n n"]:
+    """Inverse of a symmetric positive definite matrix, by halves: Schur's complement of the upper left block."""
+    n = a.shape[-1]
+    if n == 1:
+        return 1.0 / a
+    if n == 2:
+        determinant = a[..., 0, 0] * a[..., 1, 1] - a[..., 0, 1] * a[..., 1, 0]
+        first = jnp.stack([a[..., 1, 1], -a[..., 0, 1]], axis=-1)
+        second = jnp.stack([-a[..., 1, 0], a[..., 0, 0]], axis=-1)
+        return jnp.stack([first, second], axis=-2) / determinant[..., None, None]
+    half = n // 2
+    corner = inverse_positive(a[..., :half, :half])
+    across = _product(corner, a[..., :half, half:])
+    complement = inverse_positive(a[..., half:, half:] - _product(a[..., half:, :half], across))
+    side = -_product(across, complement)
+    upper = jnp.concatenate([corner - _product(side, transposed(across)), side], axis=-1)
+    return jnp.concatenate([upper, jnp.concatenate([transposed(side), complement], axis=-1)], axis=-2)
 
 
 def solve_positive(a: Float[Array, "*batch n n"], b: Float[Array, "*batch n m"]) -> Float[Array, "*batch n m"]:

@@ -11,7 +11,7 @@ solved here for the offset r_j = (d_j - lambda_j)/q, which keeps its relative ac
 """
 
 import functools
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -21,8 +21,9 @@ from jaxtyping import Array, Float
 
 # The two-pole iteration converges quadratically from either side; seven give 1e-15 for 40 directions.
 _ITERATIONS = 7
-# A table of this relative accuracy leaves one Newton step to rounding.
-_TABLE_ACCURACY = 1e-8
+# Relative accuracy of the tables, and the equal pieces of the albedo's range that each have a polynomial.
+_TABLE_ACCURACY = 1e-12
+_PIECES = 4
 
 
 class Modes(NamedTuple):
@@ -87,39 +88,67 @@ def secular_offsets(albedo, poles, strengths, *, xp=jnp):
     return r
 
 
+class _Table(NamedTuple):
+    """Chebyshev coefficients in the albedo for one set of directions."""
+
+    terms: int
+    coefficients: np.ndarray  # (terms, pieces * (2 n + 1)): offsets, couplings, smallest eigenvalue over 1 - q
+
+
 @functools.lru_cache(maxsize=64)
-def _table(key: bytes) -> np.ndarray:
-    """Chebyshev coefficients in 2q - 1 of r_j(q)/z_j^2 for one set of directions, (terms, n)."""
+def _table(key: bytes) -> _Table:
+    """Table of r_j(q), of the coupling of each mode and of lambda_0/(1 - q), all analytic in q on [0, 1]."""
     cosines, weights = np.frombuffer(key).reshape(2, -1)
     poles, strengths = 1.0 / cosines**2, weights / cosines**2
-    terms = 16
+    terms = 12
     while True:
         x = np.cos(np.pi * (np.arange(terms) + 0.5) / terms)
-        values = secular_offsets(0.5 * (x + 1.0), poles, strengths, xp=np) / strengths
-        coefficients = np.polynomial.chebyshev.chebfit(x, values, terms - 1)
-        if np.max(np.abs(coefficients[-3:])) < _TABLE_ACCURACY or terms >= 128:
-            return coefficients
-        terms += 8
+        pieces, rest = [], 0.0
+        for piece in range(_PIECES):
+            q = (piece + 0.5 * (x + 1.0)) / _PIECES
+            r = secular_offsets(q, poles, strengths, xp=np)
+            columns = _columns(q, np.sqrt(strengths), poles, r, xp=np)
+            coupling = 1.0 / np.sqrt(np.sum(columns**2, axis=-2))
+            slowest = (poles[0] - q * r[:, 0]) / (1.0 - q)
+            values = np.concatenate([r, coupling, slowest[:, None]], axis=1)
+            pieces.append(np.polynomial.chebyshev.chebfit(x, values, terms - 1))
+            rest = max(rest, np.max(np.abs(pieces[-1][-2:]) / np.max(np.abs(values), axis=0)))
+        if rest < _TABLE_ACCURACY or terms >= 64:
+            return _Table(terms, np.concatenate(pieces, axis=1))
+        terms += 4
 
 
-def _from_table(albedo: Array, poles: np.ndarray, strengths: np.ndarray, table: np.ndarray) -> Array:
-    """Clenshaw's sum of the table and one Newton step on the secular equation."""
-    x = 2.0 * albedo[..., None] - 1.0
-    b1 = b2 = jnp.zeros((*albedo.shape, poles.size), albedo.dtype)
-    for row in table[:0:-1].astype(albedo.dtype):
-        b1, b2 = row + 2.0 * x * b1 - b2, b1
-    r = strengths.astype(albedo.dtype) * (table[0].astype(albedo.dtype) + x * b1 - b2)
-    q = albedo[..., None]
-    # Here [j, i]: the sum over poles runs along the last, contiguous axis.
-    difference = _pole_differences(poles).T.astype(albedo.dtype)
-    off_diagonal = ~np.eye(poles.size, dtype=bool)
-    masked = np.where(off_diagonal, strengths, 0.0).astype(albedo.dtype)
-    ratio = masked / jnp.where(off_diagonal, difference + (q * r)[..., None], 1.0)
-    rest = 1.0 - q * jnp.sum(ratio, axis=-1)
-    slope = q * q * jnp.sum(ratio * ratio / strengths.astype(albedo.dtype), axis=-1)
-    z2 = strengths.astype(albedo.dtype)
-    # Newton for z^2/r = rest(r), in the form that keeps r positive.
-    return r + (z2 - r * rest) * r / (z2 + slope * r * r)
+def _chebyshev(x: Array, terms: int) -> Array:
+    """T_0(x) ... T_(terms - 1)(x) on a last axis, four at a time: T_(m+4) = 2 T_4 T_m - T_(|m-4|)."""
+    x = x[..., None]
+    second = 2.0 * x * x - 1.0
+    third, fourth = x * (2.0 * second - 1.0), 2.0 * second * second - 1.0
+    before = jnp.concatenate([fourth, third, second, x], axis=-1)
+    blocks = [jnp.concatenate([jnp.ones_like(x), x, second, third], axis=-1)]
+    for _ in range(terms // 4 - 1):
+        blocks.append(2.0 * fourth * blocks[-1] - before)
+        before = blocks[-2]
+    return jnp.concatenate(blocks, axis=-1)
+
+
+def _from_table(albedo: Array, table: _Table) -> Array:
+    """Offsets, couplings and lambda_0/(1 - q) side by side, (..., 2 n + 1)."""
+    piece = jnp.clip(jnp.floor(albedo * _PIECES), 0, _PIECES - 1)
+    polynomials = _chebyshev(2.0 * (albedo * _PIECES - piece) - 1.0, table.terms)
+    # One matrix product for all pieces: a product is not computed anew for each use, as fused arithmetic would be.
+    values = (polynomials @ jnp.asarray(table.coefficients, albedo.dtype)).reshape(*albedo.shape, _PIECES, -1)
+    here = (piece[..., None] == np.arange(_PIECES)).astype(albedo.dtype)
+    return jnp.sum(values * here[..., None], axis=-2)
+
+
+def _columns(albedo, z, poles, offsets, *, xp: Any = jnp) -> Any:
+    """Eigenvectors q z_i/(d_i - lambda_j), scaled to z . column = 1, (..., i, j)."""
+    # On the diagonal d_j - lambda_j = q r_j, and q cancels.
+    off_diagonal = ~np.eye(poles.shape[-1], dtype=bool)
+    q = albedo[..., None, None]
+    r = offsets[..., None, :]
+    numerator = z[..., :, None] * xp.where(off_diagonal, q, 1.0)
+    return numerator / xp.where(off_diagonal, _pole_differences(poles) + q * r, r)
 
 
 @jax.custom_jvp
@@ -157,20 +186,6 @@ def _implicit_jvp(primals, tangents):
 _implicit.defjvp(_implicit_jvp, symbolic_zeros=True)
 
 
-def _offsets(albedo: Array, cosines: Array | np.ndarray, weights: Array | np.ndarray) -> Array:
-    if isinstance(cosines, np.ndarray) and isinstance(weights, np.ndarray):
-        poles = 1.0 / cosines**2
-        strengths = weights * poles
-        table = _table(np.stack([cosines, weights]).tobytes())
-        root = _from_table(jax.lax.stop_gradient(albedo), poles, strengths, table)
-    else:
-        poles = 1.0 / cosines**2
-        strengths = weights * poles
-        root = secular_offsets(*jax.lax.stop_gradient((albedo, poles, strengths)))
-    poles, strengths = jnp.asarray(poles, albedo.dtype), jnp.asarray(strengths, albedo.dtype)
-    return _implicit(root, albedo, poles, strengths)
-
-
 def layer_modes(
     albedo: Float[Array, "*batch"],
     cosines: Float[Array | np.ndarray, "*#batch n"],
@@ -179,28 +194,44 @@ def layer_modes(
     """Modes of layers of single-scattering albedo q for half-range directions (cosines descending).
 
     Args:
-        albedo: q in [0, 1], (...).
+        albedo: q in [0, 1], (...). Derivatives by it are cheaper by `turning`.
         cosines: mu in (0, 1], descending, (..., n). A numpy array (n,) is the fast path: its roots are tabulated.
         weights: quadrature weights, positive, with sum w = 1, (..., n).
 
     Returns:
         `Modes`, arrays (..., n), (..., n, n), (..., n).
     """
-    n = cosines.shape[-1]
-    r = _offsets(albedo, cosines, weights)
+    q = albedo[..., None]
+    if isinstance(cosines, np.ndarray) and isinstance(weights, np.ndarray):
+        n = cosines.size
+        found = _from_table(albedo, _table(np.stack([cosines, weights]).tobytes()))
+        r, coupling = found[..., :n], found[..., n : 2 * n]
+        poles, z = (a.astype(albedo.dtype) for a in (1.0 / cosines**2, np.sqrt(weights) / cosines))
+        smallest = ((1.0 - albedo) * found[..., -1])[..., None]
+        eigenvalues = jnp.where(np.arange(n) == 0, smallest, poles - q * r)
+        return Modes(eigenvalues, _columns(albedo, z, poles, r) * coupling[..., None, :], coupling)
     cosines, weights = jnp.asarray(cosines, albedo.dtype), jnp.asarray(weights, albedo.dtype)
     poles = 1.0 / cosines**2
-    z = jnp.sqrt(weights) / cosines
-    q = albedo[..., None]
-    off_diagonal = ~np.eye(n, dtype=bool)
-    offsets = q * r
-    denominator = jnp.where(off_diagonal, _pole_differences(poles) + offsets[..., None, :], 1.0)
-    columns = jnp.where(off_diagonal, (q[..., None] * z[..., :, None]) / denominator, 0.0)
-    columns += jnp.eye(n, dtype=z.dtype) * (z / r)[..., None, :]
+    strengths = weights * poles
+    root = secular_offsets(*jax.lax.stop_gradient((albedo, poles, strengths)))
+    r = _implicit(root, albedo, poles, strengths)
+    columns = _columns(albedo, jnp.sqrt(strengths), poles, r)
     # The secular equation says z . column = 1, so the coupling is the column's normalisation itself.
     coupling = 1.0 / jnp.sqrt(jnp.sum(columns**2, axis=-2))
-    vectors = columns * coupling[..., None, :]
-    return Modes(_decay_squared(albedo, cosines, weights, poles - offsets), vectors, coupling)
+    return Modes(_decay_squared(albedo, cosines, weights, poles - q * r), columns * coupling[..., None, :], coupling)
+
+
+def turning(modes: Modes) -> Float[Array, "*batch n n"]:
+    """How the modes turn into each other as the albedo grows: d vectors/dq = vectors @ turning, (..., n, n).
+
+    First-order perturbation of diag(d) - q z z^T: antisymmetric, with d lambda_j/dq = -coupling_j^2 and
+    d coupling/dq = coupling @ turning.
+    """
+    n = modes.coupling.shape[-1]
+    apart = modes.decay_squared[..., None, :] - modes.decay_squared[..., :, None]
+    off_diagonal = ~np.eye(n, dtype=bool)
+    product = modes.coupling[..., :, None] * modes.coupling[..., None, :]
+    return jnp.where(off_diagonal, -product / jnp.where(off_diagonal, apart, 1.0), 0.0)
 
 
 def _decay_squared(albedo: Array, cosines: Array, weights: Array, eigenvalues: Array) -> Array:

@@ -11,7 +11,7 @@ from jax.core import Tracer
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, ArrayLike, Float
 
-from glazejax.radiative import auxiliary_graded, ordinates
+from glazejax.radiative import auxiliary_graded, ordinates, sensitivity
 from glazejax.radiative.directions import Resolution
 from glazejax.radiative.ordinates import Stack
 from glazejax.radiative.panels import Mesh
@@ -32,7 +32,7 @@ _AUXILIARY_CHUNK_BYTES = 2**24
 
 # For each method: reflectance, the same with its gradient, and the slope by an index of (almost) one.
 _SOLVERS = {
-    "ordinates": (ordinates.reflectance, ordinates.reflectance_and_gradient, ordinates.slope_by_index),
+    "ordinates": (ordinates.reflectance, sensitivity.reflectance_and_gradient, sensitivity.slope_by_index),
     "auxiliary": (
         auxiliary_graded.reflectance,
         auxiliary_graded.reflectance_and_gradient,
@@ -224,7 +224,7 @@ def _evaluate(inputs: _Inputs, tolerance: float, method: str) -> Array:
         high = 1.001  # an array may be differentiated by, and slopes at one are those just above it
     floor = 1e-5 if dtype == jnp.float32 else 0.0
     resolution, chunk = _resolve(inputs, method, max(tolerance, floor), (low, high), count, dtype.itemsize)
-    near_one = low < ordinates.LEAST_SLOPING_INDEX
+    near_one = low < sensitivity.LEAST_SLOPING_INDEX
     options = _Options(method, resolution, fixed, chunk, near_one)
     stack = Stack(
         flat_layers(albedo),
