@@ -54,7 +54,7 @@ def direct(scene: dict[str, Any], hemispherical: bool = False, tolerance: float 
 def test_savings_stay_within_the_tolerance(hemispherical: bool, seed: int):
     scene = random_scene(seed)
     exact = direct(scene, hemispherical)
-    asked = scene | ({"cos_viewing": None} if hemispherical else {})
+    asked: dict[str, Any] = {**scene, **({"cos_viewing": None} if hemispherical else {})}
     for savings in (NONE, ALL, NONE._replace(hidden=True), NONE._replace(layers=True, scattering=True)):
         values = np.asarray(plan_stacks(**asked, tolerance=TOLERANCE, savings=savings).run())
         np.testing.assert_allclose(values, exact, rtol=0, atol=TOLERANCE)

@@ -28,7 +28,7 @@ _SHARE_HIDDEN, _SHARE_SCATTERING, _SHARE_BANDS = 0.25, 0.25, 0.5
 _BLOCKS = (4096, 512, 64)
 _DEPTHS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
 # A block at least this full is padded rather than cut into smaller ones.
-_FILLED = 0.6
+_FILLED = 0.85
 # A group smaller than this joins the next deeper one.
 _SMALLEST_GROUP = 256
 # Optical thicknesses of the white medium that bounds every reflectance; between them it changes by less than a margin.
@@ -49,7 +49,7 @@ class Savings(NamedTuple):
     equal: bool = True
     """Equal stacks are computed once."""
     reciprocity: bool = True
-    """Incidence and viewing exchanged count as equal."""
+    """Incidence and viewing exchanged count as equal; of use together with `equal`."""
     bands: bool = True
     """Bands that cannot move the weighted sums asked for are interpolated between the others."""
     unwanted: bool = True
