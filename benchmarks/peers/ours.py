@@ -1,5 +1,6 @@
-"""This program on the same work: the public function, and a converged run that errors are measured against."""
+"""This program on the same work: its methods, and a converged run that errors are measured against."""
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
@@ -9,10 +10,11 @@ import numpy as np
 
 from benchmarks.peers import Work
 from glazejax import stack_reflectance_factor
-from glazejax.radiative import ordinates
+from glazejax.radiative import auxiliary, ordinates
 from glazejax.radiative.directions import Resolution
 
 TOLERANCES = tuple(10.0**-k for k in range(2, 11))
+STEPS = (0.16, 0.08, 0.04, 0.02, 0.01)
 
 # Three times the directions of the finest tolerance: further ones change the last digit.
 CONVERGED = {1.0: Resolution(44, 0, crowded=True), 1.5: Resolution(36, 30, crowded=False)}
@@ -26,7 +28,6 @@ def reflectance(
     gradient: bool = False,
     single: bool = False,
     device: Any = None,
-    method: str = "ordinates",
 ) -> Callable[[], object]:
     """The compiled program with its inputs on the device; a call gives all wavelengths.
 
@@ -38,7 +39,6 @@ def reflectance(
             the sum over the wavelengths.
         single: in float32.
         device: where to compute; JAX's default if None.
-        method: of `stack_reflectance_factor`.
     """
 
     def spectrum(albedo, thickness, ground):
@@ -50,7 +50,6 @@ def reflectance(
             cos_incidence=work.cos_incidence,
             cos_viewing=work.cos_viewing,
             tolerance=tolerance,
-            method=method,  # pyright: ignore[reportArgumentType]
         )
 
     def value_and_sum(*inputs):
@@ -66,6 +65,36 @@ def reflectance(
         with jax.enable_x64(not single):
             found = program(*inputs)
         return (found[0][1], found[1]) if gradient else found
+
+    return run
+
+
+def stepped(
+    work: Work, step: float, *, variant: auxiliary.Variant, corrected: bool, device: Any = None
+) -> Callable[[], object]:
+    """Paper A's method on a uniform grid at n = 1.5; the tables of a fixed step are made before, as in the paper."""
+    return _outside_jit(
+        functools.partial(auxiliary.reflectance_factor, step=step, variant=variant, corrected=corrected), work, device
+    )
+
+
+def graded(work: Work, tolerance: float, *, device: Any = None) -> Callable[[], object]:
+    """`stack_reflectance_factor` by the method "auxiliary" at n = 1.5."""
+    return _outside_jit(
+        functools.partial(stack_reflectance_factor, tolerance=tolerance, method="auxiliary"), work, device
+    )
+
+
+def _outside_jit(function: Callable[..., object], work: Work, device: Any) -> Callable[[], object]:
+    """Call of a function that chooses its grid by the thickness before its compiled part."""
+    angles = {"cos_incidence": work.cos_incidence, "cos_viewing": work.cos_viewing}
+    with jax.default_device(device):
+        given = work.albedo, work.optical_thickness, np.full(len(work.albedo), work.ground)
+        inputs = [jnp.asarray(a) for a in given]
+
+    def run() -> object:
+        with jax.default_device(device):
+            return function(*inputs, refractive_index=1.5, **angles)
 
     return run
 

@@ -1,7 +1,8 @@
 """sasktran2 (PyPI): discrete ordinates with analytic derivatives, no refracting surface.
 
 Isotropic scattering needs one azimuth mode. sasktran2 solves all of them unless told otherwise, so both are offered:
-`modes=1` is its best, `modes=0` its default. A layer of zero thickness ends the process.
+`modes=1` is its best, `modes=0` its default. A layer of zero thickness ends the process;
+the derivative by an albedo of zero comes out as zero.
 """
 
 from collections.abc import Callable
