@@ -1,4 +1,4 @@
-"""The two reflectances of a stack of layers: validation, batching, derivatives, choice of method."""
+"""The two reflectances of a stack of layers and their split: validation, batching, derivatives, choice of method."""
 
 import functools
 from collections.abc import Callable, Sequence
@@ -16,6 +16,7 @@ from glazejax.radiative.directions import Resolution
 from glazejax.radiative.ordinates import Stack
 from glazejax.radiative.panels import Mesh
 from glazejax.radiative.resolution import resolve
+from glazejax.radiative.split import Split
 
 _Numbers: TypeAlias = ArrayLike | Sequence[Any]
 
@@ -30,13 +31,25 @@ _CHUNK_BYTES = 2**20
 # The auxiliary method's matrices are too large for that: enough for a few stacks.
 _AUXILIARY_CHUNK_BYTES = 2**24
 
-# For each method: reflectance, the same with its gradient, and the slope by an index of (almost) one.
+
+class _Solver(NamedTuple):
+    """What a method offers for a batch of stacks at its own resolution."""
+
+    reflectance: Callable
+    reflectance_and_gradient: Callable
+    slope_by_index: Callable  # for an index of (almost) one
+    split: Callable
+
+
 _SOLVERS = {
-    "ordinates": (ordinates.reflectance, sensitivity.reflectance_and_gradient, sensitivity.slope_by_index),
-    "auxiliary": (
+    "ordinates": _Solver(
+        ordinates.reflectance, sensitivity.reflectance_and_gradient, sensitivity.slope_by_index, sensitivity.split
+    ),
+    "auxiliary": _Solver(
         auxiliary_graded.reflectance,
         auxiliary_graded.reflectance_and_gradient,
         auxiliary_graded.slope_by_index,
+        auxiliary_graded.split,
     ),
 }
 
@@ -136,6 +149,59 @@ def stack_hemispherical_reflectance(
     )
 
 
+def split_reflectance_factor(
+    albedo: Float[_Numbers, "*batch layers"],
+    optical_thickness: Float[_Numbers, "*batch layers"],
+    substrate_reflectance: Float[_Numbers, "*batch"],
+    *,
+    refractive_index: float | Float[_Numbers, "*batch"] = 1.5,
+    cos_incidence: Float[_Numbers, "*batch"] = 1.0,
+    cos_viewing: Float[_Numbers, "*batch"] = 1.0,
+    tolerance: float = 1e-6,
+    method: Method = "ordinates",
+) -> Split:
+    """Reflectance factor by what the light did last: ground reflection, single and multiple scattering.
+
+    Args and raises as for `stack_reflectance_factor`, whose value is the sum of the three.
+
+    Returns:
+        `Split` of arrays in the shape of the broadcast batch.
+
+    Source: paper A (Shinozawa et al. 2013), eqs (19), (22), (32)-(34).
+    """
+    return _evaluate_split(
+        _Inputs(albedo, optical_thickness, substrate_reflectance, refractive_index, cos_incidence, cos_viewing),
+        tolerance,
+        method,
+    )
+
+
+def split_hemispherical_reflectance(
+    albedo: Float[_Numbers, "*batch layers"],
+    optical_thickness: Float[_Numbers, "*batch layers"],
+    substrate_reflectance: Float[_Numbers, "*batch"],
+    *,
+    refractive_index: float | Float[_Numbers, "*batch"] = 1.5,
+    cos_incidence: Float[_Numbers, "*batch"] = 1.0,
+    tolerance: float = 1e-6,
+    method: Method = "ordinates",
+) -> Split:
+    """Directional-hemispherical reflectance by what the light did last; see `split_reflectance_factor`.
+
+    Args and raises as for `stack_hemispherical_reflectance`, whose value is the sum of the three.
+
+    Returns:
+        `Split` of arrays in the shape of the broadcast batch.
+
+    Source: paper A (Shinozawa et al. 2013), eqs (19), (22), (32)-(34).
+    """
+    return _evaluate_split(
+        _Inputs(albedo, optical_thickness, substrate_reflectance, refractive_index, cos_incidence, None),
+        tolerance,
+        method,
+    )
+
+
 class _Inputs(NamedTuple):
     """The arguments as given."""
 
@@ -184,6 +250,17 @@ def _check(inputs: _Inputs, tolerance: float, method: str) -> None:
 
 
 def _evaluate(inputs: _Inputs, tolerance: float, method: str) -> Array:
+    stack, options, batch = _prepare(inputs, tolerance, method)
+    return _run(stack, options).reshape(batch)
+
+
+def _evaluate_split(inputs: _Inputs, tolerance: float, method: str) -> Split:
+    stack, options, batch = _prepare(inputs, tolerance, method)
+    return jax.tree.map(lambda part: part.reshape(batch), _run_split(stack, options))
+
+
+def _prepare(inputs: _Inputs, tolerance: float, method: str) -> tuple[Stack, _Options, tuple[int, ...]]:
+    """Checked arguments as a flat batch of stacks, what is fixed in the program, and the batch's shape."""
     _check(inputs, tolerance, method)
     dtype = jnp.result_type(float)
     albedo, thickness = jnp.asarray(inputs.albedo, dtype), jnp.asarray(inputs.optical_thickness, dtype)
@@ -234,7 +311,7 @@ def _evaluate(inputs: _Inputs, tolerance: float, method: str) -> Array:
         flat(rest["cos_incidence"]),
         None if inputs.cos_viewing is None else flat(rest["cos_viewing"]),
     )
-    return _run(stack, options).reshape(batch)
+    return stack, options, batch
 
 
 def _resolve(
@@ -256,10 +333,18 @@ def _run(stack: Stack, options: _Options) -> Array:
     return _reflectance(stack, options)
 
 
+@functools.partial(jax.jit, static_argnums=1)
+def _run_split(stack: Stack, options: _Options) -> Split:
+    def one(chunk: Stack) -> Split:
+        return _SOLVERS[options.method].split(_with_index(chunk, options), options.resolution)
+
+    return _in_chunks(one, stack, options.chunk)
+
+
 @functools.partial(jax.custom_jvp, nondiff_argnums=(1,))
 def _reflectance(stack: Stack, options: _Options) -> Array:
     def one(chunk: Stack) -> Array:
-        return _SOLVERS[options.method][0](_with_index(chunk, options), options.resolution)
+        return _SOLVERS[options.method].reflectance(_with_index(chunk, options), options.resolution)
 
     return _in_chunks(one, stack, options.chunk)
 
@@ -276,10 +361,10 @@ def _reflectance_jvp(options: _Options, primals, tangents):
 
     def one(chunk: Stack) -> tuple[Array, dict[str, Array]]:
         chunk = _with_index(chunk, options)
-        _, gradient_of, slope_by_index = _SOLVERS[options.method]
-        value, slopes = gradient_of(chunk, options.resolution, tuple(changes))
+        solver = _SOLVERS[options.method]
+        value, slopes = solver.reflectance_and_gradient(chunk, options.resolution, tuple(changes))
         if "refractive_index" in slopes and options.near_one:
-            by_index = slope_by_index(chunk, options.resolution, slopes["refractive_index"])
+            by_index = solver.slope_by_index(chunk, options.resolution, slopes["refractive_index"])
             slopes = slopes | {"refractive_index": by_index}
         return value, slopes
 
