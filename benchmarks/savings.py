@@ -29,7 +29,7 @@ from benchmarks.timing import environment, interleaved
 PAINTS = ("UltramarineBlue", "ChromeYellow")
 GROUND = 0.85
 PICTURE_SIZE = 512
-CHECKED_PIXELS = 4000
+CHECKED_PIXELS = 2500
 REPETITIONS = 5
 
 
