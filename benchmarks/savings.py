@@ -65,16 +65,16 @@ def scenes() -> dict[str, tuple[str, dict[str, Any]]]:
     scene = {k: np.asarray(v)[repeated] if np.ndim(v) else v for k, v in scene.items()}
     found["equal"] = ("4096 pixels of 256 kinds, 2 layers", scene)
     cosines = np.cos(np.deg2rad(np.linspace(0, 85, 18)))
-    scene = {k: np.asarray(v)[:, None, None] if np.ndim(v) == 1 else v for k, v in stacks(8, 2).items()}
+    scene = {k: np.asarray(v)[:, None, None] if np.ndim(v) == 1 else v for k, v in stacks(31, 2).items()}
     scene |= {k: scene[k][:, None, None] for k in ("albedo", "optical_thickness")}
     scene |= {"cos_incidence": cosines[:, None], "cos_viewing": cosines}
-    found["reciprocity"] = ("8 bands x 18 x 18 angles, 2 layers", scene)
+    found["reciprocity"] = ("31 bands x 18 x 18 angles, 2 layers", scene)
     grid = np.arange(360.0, 781.0, 5.0)
     x = (grid - 360) / 420
     scene = {"albedo": np.stack([0.3 + 0.6 * x, 0.9 - 0.5 * x], -1), "optical_thickness": np.array([1.0, 3.0])}
-    scene |= {"optical_thickness": rng.uniform(0.5, 1.5, (48, 1, 1)) * scene["optical_thickness"]}
+    scene |= {"optical_thickness": rng.uniform(0.5, 1.5, (480, 1, 1)) * scene["optical_thickness"]}
     scene |= {"substrate_reflectance": 0.8, "band_weights": colour.colour_weights(grid), "tolerance": 1e-3}
-    found["bands"] = ("48 pixels, 360-780 nm step 5, for XYZ within 1e-3, 2 layers", scene)
+    found["bands"] = ("480 pixels, 360-780 nm step 5, for XYZ within 1e-3, 2 layers", scene)
     scene = stacks(2048, 2)
     found["unwanted"] = (
         "2048 pixels, a quarter of them inside the outline, 2 layers",

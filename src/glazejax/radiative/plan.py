@@ -27,8 +27,8 @@ _SHARE_HIDDEN, _SHARE_SCATTERING, _SHARE_BANDS = 0.25, 0.25, 0.5
 # Stacks go to the solver in blocks of these sizes and, if grouped, these numbers of layers: few programs to compile.
 _BLOCKS = (4096, 512, 64)
 _DEPTHS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
-# A block at least this full is padded rather than cut into smaller ones.
-_FILLED = 0.85
+# A block at least this full is padded rather than cut into smaller ones; a call costs what some hundred stacks do.
+_FILLED = (0.85, 0.5, 0.0)
 # A group smaller than this joins the next deeper one.
 _SMALLEST_GROUP = 256
 # Optical thicknesses of the white medium that bounds every reflectance; between them it changes by less than a margin.
@@ -385,8 +385,8 @@ def _group(depth: np.ndarray, members: np.ndarray, grouped: bool) -> list[tuple[
 def _blocks(count: int) -> list[tuple[int, int, int]]:
     """(start, stop, padded size) of pieces that cover `count` stacks: a size is padded where it is mostly filled."""
     pieces, start = [], 0
-    for size in _BLOCKS:
-        while count - start >= _FILLED * size or (size == _BLOCKS[-1] and start < count):
+    for size, filled in zip(_BLOCKS, _FILLED, strict=True):
+        while start < count and count - start >= filled * size:
             pieces.append((start, min(start + size, count), size))
             start += size
     return pieces
