@@ -13,9 +13,8 @@ direction, E_2 less the internal reflection for all of them), c = rho E_h/(1 - r
 A diffusely lit white stack then has a constant psi, which the mesh holds exactly: nothing is lost at an albedo of one.
 
 Each layer is divided into panels that shrink towards its two faces, where psi behaves as tau ln tau, and that follow
-the decay length 1/kappa deep inside. In a panel psi q is a polynomial through Gauss nodes, and its integrals against
-the kernels are exact to rounding: by a fixed rule graded towards the singularity in a narrow panel, by parts (a finite
-sum of exponential integrals of rising order) in a wide one. Faces of layers are faces of panels.
+the decay length 1/kappa deep inside. In a panel psi q is a polynomial through Gauss-Lobatto nodes, and its integrals
+against the kernels are exact to rounding (see `panels`). Faces of layers are faces of panels.
 """
 
 from typing import Any, NamedTuple
@@ -89,15 +88,13 @@ def _system(panels: Panels, light: Light) -> System:
         decay = jnp.exp(-depth.reshape(batch, -1, 1) / mu[:, None])
         return jnp.einsum("bnk,bk->bn", decay, surface.weights * mu ** (power - 1)).reshape(depth.shape)
 
-    # H, with constants exact, so that an albedo of one loses nothing however deep the layer.
+    # H.
     h_integrals = jnp.where(below[..., None], h_integrals, h_integrals[..., ::-1])
     own = own_integrals(width, rules)[..., None, :] * np.eye(count, dtype=dtype)[:, None, :, None]
     is_own = np.eye(count, dtype=bool)[owner][..., None]
     own = own.reshape(batch, size, count, p)
     through_paint = jax.lax.select(jnp.broadcast_to(is_own, own.shape), own, h_integrals)
     kernel = columns(through_paint)
-    exact = 2.0 - e2[0] - e2[1]
-    kernel += (exact - jnp.sum(kernel, axis=-1))[..., None] * np.eye(size, dtype=dtype)
     # U.
     kernel += (surface.total[:, None, None] * c2) * columns(u_integrals)
     kernel += jnp.exp(-tau[..., None] / mu[:, None]) @ ((surface.weights / mu)[..., None] * decays)
@@ -106,8 +103,15 @@ def _system(panels: Panels, light: Light) -> System:
     node_to_ground = columns(m_integrals[0][..., ::-1] + (surface.total[:, None] * c1**2)[..., None] * m_integrals[1])
     node_to_ground += jnp.einsum("bk,bkn->bn", surface.weights * jnp.exp(-h[:, None] / mu), decays)
     returned = 2.0 * (surface.total * critical**2 * e3[2] + cone(2, 2.0 * h))
+    reflected_out = surface.total * critical**2 * e3[1] + cone(2, h)
+    node_to_ground *= _rescaled(node_to_ground, 0.5 - e3[0] + reflected_out - 0.5 * returned, h)
     open_share = light.ground / (1.0 - light.ground * returned)
     kernel += (2.0 * open_share)[:, None, None] * ground_to_node[..., None] * node_to_ground[:, None]
+    # A constant is scattered exactly, so that an albedo of one loses nothing however deep the layer.
+    reflected_up = surface.total[:, None] * c1 * e2[2] + cone(1, tau)
+    constant = 2.0 - e2[0] - e2[1] + reflected_up - (ground_to_node - e2[1])
+    constant += 2.0 * open_share[:, None] * ground_to_node * jnp.sum(node_to_ground, axis=-1, keepdims=True)
+    kernel += (constant - jnp.sum(kernel, axis=-1))[..., None] * np.eye(size, dtype=dtype)
     q = albedo.reshape(batch, size)
     matrix = np.eye(size, dtype=dtype) - 0.5 * kernel * q[:, None, :]
     # The beam, and the way out.
@@ -118,8 +122,8 @@ def _system(panels: Panels, light: Light) -> System:
     arriving = enter * jnp.exp(-rate * h)
     if light.cos_viewing is None:
         beam = columns(decay_integrals(rate[:, None], top, width, rules)) * strength[:, None]
-        exit_weight = e2[0] - surface.total[:, None] * c1 * e2[2] - cone(1, tau)
-        ground_weight = e3[0] - surface.total * critical**2 * e3[1] - cone(2, h)
+        beam *= _rescaled(beam, -0.5 * enter * jnp.expm1(-rate * h), h)
+        exit_weight, ground_weight = e2[0] - reflected_up, e3[0] - reflected_out
         factor = jnp.full_like(h, 2.0)
         once = jnp.sum(q * beam * exit_weight, axis=-1)
     else:
@@ -140,6 +144,13 @@ def _system(panels: Panels, light: Light) -> System:
         0.5 * jnp.sum(q * beam * exit_weight, axis=-1),
         seen * arriving,
     )
+
+
+def _rescaled(weights: Array, exact: Array, depth: Array) -> Array:
+    """Factor that gives weights their exact sum; where there is hardly any depth they have it anyway."""
+    deep = depth > 1e-3
+    found = jnp.sum(weights, axis=-1)
+    return jnp.where(deep, exact / jnp.where(deep, found, 1.0), 1.0)[:, None]
 
 
 class _Surface(NamedTuple):
@@ -172,21 +183,24 @@ class _Row(NamedTuple):
     tolerance: float
     nodes: int
     points: int
-    graded: int  # for layers no thicker than _THIN
+    graded: tuple[int, int, int]  # for layers up to the depths of _DEPTHS; thicker ones have the last and an interior
 
 
+# Worst errors of each row: `python -m benchmarks.calibrate_auxiliary`.
 _ROWS = (
-    _Row(1e-2, 3, 8, 2),
-    _Row(1e-3, 3, 8, 3),
-    _Row(1e-4, 4, 10, 3),
-    _Row(1e-5, 5, 12, 4),
-    _Row(1e-6, 6, 14, 4),
-    _Row(1e-7, 7, 16, 5),
-    _Row(1e-8, 8, 18, 5),
+    _Row(1e-2, 4, 8, (2, 3, 5)),
+    _Row(1e-3, 4, 8, (2, 3, 5)),
+    _Row(1e-4, 5, 9, (3, 4, 6)),
+    _Row(1e-5, 6, 10, (3, 4, 6)),
+    _Row(1e-6, 7, 12, (4, 5, 7)),
+    _Row(1e-7, 8, 14, (4, 5, 7)),
+    _Row(1e-8, 9, 16, (5, 6, 8)),
 )
-_THIN = 2.0
-_THICK = 40.0
-_MORE_GRADED = 2
+_DEPTHS = (2.0, 8.0, 40.0)
+# The thicker the layer, the more its widest panels matter rather than its narrowest.
+_RATIOS = (0.25, 0.37, 0.5)
+# Below this index beams may graze inside, too: their decay needs narrower panels.
+_GRAZING = 1.1
 
 
 def resolve(tolerance: float, thickest: float, lowest_index: float) -> Mesh:
@@ -198,13 +212,14 @@ def resolve(tolerance: float, thickest: float, lowest_index: float) -> Mesh:
         lowest_index: smallest refractive index of the batch.
     """
     row = next((row for row in _ROWS if row.tolerance <= tolerance * (1 + 1e-9)), _ROWS[-1])
-    graded = row.graded + (_MORE_GRADED if thickest > _THIN else 0) + (lowest_index < 1.1)
-    return Mesh(row.nodes, row.points, graded, thickest > _THICK)
+    kind = min(int(np.searchsorted(_DEPTHS, thickest)), 2)
+    graded = row.graded[kind] + 2 * (lowest_index < _GRAZING)
+    return Mesh(row.nodes, row.points, graded, _RATIOS[kind], thickest > _DEPTHS[-1])
 
 
 def bytes_each(mesh: Mesh, layers: int, itemsize: int) -> int:
     """Memory that one stack's largest arrays take."""
-    panels = layers * (2 * mesh.graded + (7 if mesh.interior else 0))
+    panels = layers * (2 * mesh.graded + (9 if mesh.interior else 0))
     nodes = panels * mesh.nodes
     return itemsize * (4 * nodes**2 + 2 * nodes * panels * mesh.points)
 

@@ -1,12 +1,14 @@
 """Panels of a graded mesh in optical depth, and integrals of kernels over them that are exact to rounding.
 
-On a panel a function is the polynomial through its values at Gauss nodes. A kernel is integrated against it by a fixed
-rule whose points crowd at the end next to the kernel's singularity where the panel is narrow, and by parts, a finite
-sum of exponential integrals of rising order, where it is wide; so any width and any distance will do.
+On a panel a function is the polynomial through its values at Gauss-Lobatto nodes. Those at the ends couple panels that
+are far wider than a mean free path, as within a thick layer, where inner nodes see nothing but their own panel. A
+kernel is integrated against the polynomial by a fixed rule whose points crowd at the end next to the kernel's
+singularity where the panel is narrow, and by parts, a finite sum of exponential integrals of rising order, where it is
+wide; so any width and any distance will do.
 """
 
 import functools
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -32,15 +34,16 @@ class Mesh(NamedTuple):
     """Points of the rule that integrates a kernel over a narrow panel."""
     graded: int
     """Panels that shrink towards each face of a layer."""
+    ratio: float
+    """Inner over outer edge of each of these."""
     interior: bool
-    """Whether a layer may be thicker than those reach: seven more panels then cover its inside."""
+    """Whether a layer may be thicker than those reach: nine more panels then cover its inside."""
 
 
 class Rules(NamedTuple):
     """Tables of one panel, near end first; numpy."""
 
     nodes: np.ndarray  # (p,), on [0, 1]
-    weights: np.ndarray  # (p,)
     points: np.ndarray  # (m,), on [0, 1], crowded at the near end
     kernel: np.ndarray  # (m, p): weight of a kernel's value at a point in the integral with Lagrange polynomial j
     near: np.ndarray  # (p, p): derivative k of polynomial j at the near end, in units of half the width
@@ -50,12 +53,17 @@ class Rules(NamedTuple):
     own_derivatives: np.ndarray  # (p, p, p): derivative k of polynomial j at node i
 
 
+def _lobatto(count: int) -> np.ndarray:
+    """Gauss-Lobatto nodes on [-1, 1], ends included."""
+    inner = legendre.Legendre.basis(count - 1).deriv().roots()
+    return np.r_[-1.0, np.sort(inner.real), 1.0]
+
+
 @functools.cache
 def rules(count: int, points: int) -> Rules:
     """Tables for `count` nodes and a fixed rule of `points` points."""
-    xi, w = legendre.leggauss(count)
-    degrees = np.arange(count)
-    coefficients = (2 * degrees[:, None] + 1) / 2 * w * legendre.legvander(xi, count - 1).T  # (degree, j)
+    xi = _lobatto(count)
+    coefficients = np.linalg.inv(legendre.legvander(xi, count - 1))  # (degree, j)
 
     def derivatives(x: np.ndarray) -> np.ndarray:  # (k, len(x), j)
         return np.stack([legendre.legval(x, legendre.legder(coefficients, k)).T for k in range(count)])
@@ -74,7 +82,6 @@ def rules(count: int, points: int) -> Rules:
         own_kernel.append(shares[:, None] * values(np.r_[node - 2 * up, node + 2 * down]))
     return Rules(
         0.5 * (1 + xi),
-        0.5 * w,
         x,
         wx[:, None] * values(2 * x - 1),
         ends[:, 0],
@@ -159,24 +166,22 @@ class Panels(NamedTuple):
     width: Array  # (batch, panels)
     albedo: Array  # (batch, panels, p), at the nodes
     total: Array  # (batch,), optical thickness h of all
-    rules: Rules
+    rules: Any  # Rules; None while the arrays travel through a loop
 
 
 # Depth beyond which only the slowest mode of a layer is left, in mean free paths.
 _BOUNDARY_LAYER = 15.0
 # Where that has died away too, in its decay lengths, and the edges of the panels up to there.
 _GONE = 30.0
-_INTERIOR = np.array([1.0, 4.0, 13.0]) / 13.0
-# Least ratio of a panel's outer to its inner edge towards a face, and the first edge in cosines of the beam.
-_RATIO = 0.3
-_FIRST = 1.0
+_INTERIOR = np.array([1.0, 4.0, 11.0, 25.0]) / 25.0
 
 
 def _half_layer(depth: Array, albedo: Array, slant: Array, mesh: Mesh) -> Array:
     """Edges of the panels from a face towards the middle as shares of the depth, (batch, panels + 1)."""
     half = 0.5 * depth
     reach = jnp.minimum(half, _BOUNDARY_LAYER) if mesh.interior else half
-    ratio = jnp.maximum(_RATIO ** (1 - mesh.graded), reach / (_FIRST * slant))
+    # The first panel is narrow beside the depth at which a grazing beam is gone.
+    ratio = jnp.maximum(mesh.ratio ** (1 - mesh.graded), reach / jnp.maximum(2.0 * slant**2, 0.05 * slant))
     steps = -np.arange(mesh.graded - 1, -1, -1) / (mesh.graded - 1)
     edges = [jnp.zeros_like(half)[:, None], reach[:, None] * ratio[:, None] ** steps]
     if mesh.interior:
@@ -216,3 +221,9 @@ def layer_panels(thickness: Array, layer_albedo: Array, slant: Array, mesh: Mesh
     albedo = jnp.repeat(layer_albedo, width.shape[1] // thickness.shape[1], axis=1)
     albedo = jnp.broadcast_to(albedo[..., None], (*width.shape, mesh.nodes))
     return Panels(top, width, albedo, depth[:, -1], rules(mesh.nodes, mesh.points))
+
+
+def graded_shares(mesh: Mesh) -> np.ndarray:
+    """Edges of panels that shrink towards both faces of a film as shares of its depth, whatever its thickness."""
+    half = 0.5 * np.r_[0.0, mesh.ratio ** np.arange(mesh.graded - 1, -1, -1.0)]
+    return np.r_[half, 1.0 - half[-2::-1]]

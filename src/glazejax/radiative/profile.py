@@ -1,0 +1,371 @@
+r"""Reflectance of a film whose absorption and scattering vary continuously with depth.
+
+Paper A (Shinozawa et al. 2013) states its equations for an albedo q(tau) that varies with optical depth, eqs (3)-(21).
+Two ways to the same number:
+
+- "ordinates" cuts the film into homogeneous slices with the mean k and s of each, doubles their number and
+  extrapolates (Romberg: the error goes in even powers of the slices' thickness) until the estimate is below the
+  tolerance;
+- "auxiliary" solves the integral equation with the true q(tau) at the nodes of a graded mesh, and halves its panels
+  until the estimate is below the tolerance.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, TypeAlias, cast
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float
+
+from glazejax.radiative import auxiliary_graded
+from glazejax.radiative.auxiliary_graded import Light
+from glazejax.radiative.directions import gauss
+from glazejax.radiative.panels import Mesh, Panels, graded_shares, rules
+from glazejax.radiative.stack import (
+    Method,
+    _check,
+    _Inputs,
+    stack_hemispherical_reflectance,
+    stack_reflectance_factor,
+)
+from glazejax.radiative.stack import _concrete as concrete
+
+_Numbers: TypeAlias = ArrayLike | Sequence[Any]
+Profile: TypeAlias = Callable[[Array], Array] | _Numbers
+"""A callable of depth (m), or values at equally spaced depths from the surface to the ground."""
+
+_LEAST_SLICES = 8
+_MOST_SLICES = 2048
+# Where values are traced there is nothing to compare: so many doublings are done.
+_TRACED_DOUBLINGS = 2
+_MOST_HALVINGS = 4
+# Points of the rule for the mean of a slice, or the optical depth of a part of a panel.
+_MEAN_POINTS = 4
+_DEPTH_POINTS = 10
+_NEWTON_STEPS = 8
+_CHUNK_BYTES = 2**24
+
+
+def profile_reflectance_factor(
+    absorption: Profile,
+    scattering: Profile,
+    thickness: Float[_Numbers, "*batch"],
+    substrate_reflectance: Float[_Numbers, "*batch"],
+    *,
+    refractive_index: float | Float[_Numbers, "*batch"] = 1.5,
+    cos_incidence: Float[_Numbers, "*batch"] = 1.0,
+    cos_viewing: Float[_Numbers, "*batch"] = 1.0,
+    tolerance: float = 1e-6,
+    method: Method = "ordinates",
+) -> Float[Array, "*batch"]:
+    """Reflectance factor pi L_out / E_in of a film whose k and s vary continuously with depth.
+
+    Args:
+        absorption: k in 1/m, >= 0. Either a callable of the depth z in m below the surface, ((..., points) ->
+            (..., points), with the batch axes of `thickness`), or values (..., points) at equally spaced depths from
+            the surface to the ground, taken as piecewise linear.
+        scattering: s in 1/m, >= 0, in the same way; of radiative transfer, isotropic.
+        thickness: of the film in m, (...), >= 0.
+        substrate_reflectance: of the Lambertian ground, seen from inside, (...), in [0, 1].
+        refractive_index: of the film, (...), in [1, 2.5].
+        cos_incidence: cosine of the angle of incidence in air, (...), in (0, 1].
+        cos_viewing: cosine of the viewing angle in air, (...), in (0, 1].
+        tolerance: absolute error wanted, a Python number.
+        method: "ordinates" (slices, extrapolated) or "auxiliary" (the integral equation with the true albedo).
+
+    Returns:
+        Reflectance factor, shape of the broadcast batch.
+
+    Raises:
+        ValueError: a value out of range, shapes that do not fit, an unknown method, or a profile that varies too fast
+            to be resolved. Values that are traced cannot be checked.
+
+    Notes:
+        Callables should be smooth; a kink belongs into samples, a step is best made of two layers of
+        `stack_reflectance_factor`. Under `jax.jit` errors cannot be estimated: then two doublings are made (of 8
+        slices, or of one a sample interval), or one halving of the auxiliary mesh for a film no thicker than 40.
+
+    Source: paper A, eqs (3)-(21).
+    """
+    given = _Given(
+        absorption, scattering, thickness, substrate_reflectance, refractive_index, cos_incidence, cos_viewing
+    )
+    return _evaluate(given, tolerance, method)
+
+
+def profile_hemispherical_reflectance(
+    absorption: Profile,
+    scattering: Profile,
+    thickness: Float[_Numbers, "*batch"],
+    substrate_reflectance: Float[_Numbers, "*batch"],
+    *,
+    refractive_index: float | Float[_Numbers, "*batch"] = 1.5,
+    cos_incidence: Float[_Numbers, "*batch"] = 1.0,
+    tolerance: float = 1e-6,
+    method: Method = "ordinates",
+) -> Float[Array, "*batch"]:
+    """Directional-hemispherical reflectance of a film whose k and s vary continuously with depth.
+
+    Args, raises and notes as for `profile_reflectance_factor`; there is no viewing direction.
+
+    Returns:
+        Flux that leaves over flux of the beam that falls in, without the part reflected by the surface, (...).
+
+    Source: paper A, eqs (3)-(21).
+    """
+    given = _Given(absorption, scattering, thickness, substrate_reflectance, refractive_index, cos_incidence, None)
+    return _evaluate(given, tolerance, method)
+
+
+class _Given(NamedTuple):
+    absorption: Profile
+    scattering: Profile
+    thickness: _Numbers
+    substrate_reflectance: _Numbers
+    refractive_index: _Numbers
+    cos_incidence: _Numbers
+    cos_viewing: _Numbers | None
+
+
+class _Film(NamedTuple):
+    """A profile in the share u of the film's depth, u in [0, 1]."""
+
+    absorption: Callable[[Array], Array]  # (..., points) -> (..., points)
+    scattering: Callable[[Array], Array]
+    intervals: int | None  # equal parts of the depth in which samples are linear
+    thickness: Array
+    batch: tuple[int, ...]  # of everything
+
+
+def _evaluate(given: _Given, tolerance: float, method: str) -> Array:
+    names = ("substrate_reflectance", "refractive_index", "cos_incidence", "cos_viewing")
+    rest = {name: value for name in names if (value := getattr(given, name)) is not None}
+    _check(_Inputs(0.0, 0.0, *given[3:]), tolerance, method)
+    film = _film(given, rest)
+    if method == "ordinates":
+        if given.cos_viewing is None:
+            return _sliced(film, rest, tolerance, stack_hemispherical_reflectance)
+        return _sliced(film, rest, tolerance, stack_reflectance_factor)
+    return _meshed(film, rest, tolerance)
+
+
+def _film(given: _Given, rest: dict[str, Any]) -> _Film:
+    dtype = jnp.result_type(float)
+    thickness = jnp.asarray(given.thickness, dtype)
+    _refuse("thickness", thickness, "a length in m, >= 0 and finite")
+    functions, counts, shapes = [], {}, {"thickness": thickness.shape}
+    for name in ("absorption", "scattering"):
+        profile = getattr(given, name)
+        if callable(profile):
+            functions.append(_of_share(name, cast(Callable[[Array], Array], profile), thickness))
+            shapes[name] = functions[-1](jnp.linspace(0.0, 1.0, 9, dtype=dtype)).shape[:-1]
+            continue
+        samples = jnp.asarray(profile, dtype)
+        if samples.ndim == 0:
+            raise ValueError(f"{name} is a single number; give a callable of depth or values along a last axis")
+        _refuse(name, samples, "in 1/m, >= 0 and finite")
+        if samples.shape[-1] == 0:
+            raise ValueError(f"{name} has no values along its last axis; give at least one")
+        counts[name] = samples.shape[-1] - 1
+        shapes[name] = samples.shape[:-1]
+        functions.append(_piecewise_linear(samples))
+    several = {count for count in counts.values() if count > 0}
+    if len(several) > 1:
+        raise ValueError(
+            f"absorption has {counts['absorption'] + 1} depths (last axis) but scattering has "
+            f"{counts['scattering'] + 1}; give both at the same depths"
+        )
+    shapes |= {name: np.shape(value) for name, value in rest.items()}
+    try:
+        batch = jnp.broadcast_shapes(*shapes.values())
+    except ValueError:
+        listing = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
+        raise ValueError(f"batch shapes do not broadcast: {listing} (depths, the last axis, not counted)") from None
+    return _Film(functions[0], functions[1], max(several, default=None), thickness, batch)
+
+
+def _refuse(name: str, values: Array, words: str) -> None:
+    known = concrete(values)
+    if known is not None and not np.all(good := (known >= 0) & np.isfinite(known)):
+        raise ValueError(f"{name} holds {known[~good].flat[0]}; it must be {words}")
+
+
+def _of_share(name: str, profile: Callable[[Array], Array], thickness: Array) -> Callable[[Array], Array]:
+    def function(share: Array) -> Array:
+        depth = share * thickness[..., None]
+        values = jnp.asarray(profile(depth), depth.dtype)
+        if values.ndim == 0 or values.shape[-1] not in (1, depth.shape[-1]):
+            raise ValueError(
+                f"{name} returned shape {values.shape} for depths {depth.shape}; it must return one value a depth"
+            )
+        _refuse(name, values, "in 1/m, >= 0 and finite, at every depth")
+        return jnp.broadcast_to(values, (*values.shape[:-1], depth.shape[-1]))
+
+    return function
+
+
+def _piecewise_linear(samples: Array) -> Callable[[Array], Array]:
+    count = samples.shape[-1] - 1
+
+    def function(share: Array) -> Array:
+        if count == 0:
+            return jnp.broadcast_to(samples, (*samples.shape[:-1], share.shape[-1]))
+        position = share * count
+        left = jnp.clip(jnp.floor(jax.lax.stop_gradient(position)), 0, count - 1)
+        index = left.astype(int)
+        batch = jnp.broadcast_shapes(samples.shape[:-1], share.shape[:-1])
+        values = jnp.broadcast_to(samples, (*batch, count + 1))
+        index, part = (jnp.broadcast_to(a, (*batch, share.shape[-1])) for a in (index, position - left))
+        low, high = (jnp.take_along_axis(values, index + i, axis=-1) for i in (0, 1))
+        return low + (high - low) * part
+
+    return function
+
+
+def _albedo(absorption: Array, scattering: Array) -> Array:
+    """s/(k + s), and 0 where there is nothing."""
+    extinction = absorption + scattering
+    return jnp.where(extinction > 0, scattering / jnp.where(extinction > 0, extinction, 1.0), 0.0)
+
+
+def _sliced(film: _Film, rest: dict[str, Any], tolerance: float, solve: Callable[..., Array]) -> Array:
+    ground = rest["substrate_reflectance"]
+    others = {name: value for name, value in rest.items() if name != "substrate_reflectance"}
+    x, w = gauss(_MEAN_POINTS)
+
+    def reflectance(count: int) -> Array:
+        share = jnp.asarray(((np.arange(count)[:, None] + x) / count).ravel(), film.thickness.dtype)
+
+        def mean(profile: Callable[[Array], Array]) -> Array:
+            values = profile(share)
+            return values.reshape(*values.shape[:-1], count, len(x)) @ jnp.asarray(w, values.dtype)
+
+        k, s = mean(film.absorption), mean(film.scattering)
+        depth = (k + s) * film.thickness[..., None] / count
+        return jnp.broadcast_to(solve(_albedo(k, s), depth, ground, tolerance=0.3 * tolerance, **others), film.batch)
+
+    parts = film.intervals or 1
+    slices = parts * -(-_LEAST_SLICES // parts)
+    rows = [[reflectance(slices)]]
+    while True:
+        slices *= 2
+        row = [reflectance(slices)]
+        for order, before in enumerate(rows[-1]):
+            row.append(row[-1] + (row[-1] - before) / (4.0 ** (order + 1) - 1.0))
+        rows.append(row)
+        change = concrete(row[-1] - rows[-2][-1])
+        if change is None:
+            if len(rows) > _TRACED_DOUBLINGS:
+                return row[-1]
+        elif np.max(np.abs(change), initial=0.0) < _attainable(tolerance, row[-1]):
+            return row[-1]
+        elif 2 * slices > _MOST_SLICES:
+            raise ValueError(_unresolved(np.max(np.abs(change)), tolerance))
+
+
+def _attainable(tolerance: float, value: Array) -> float:
+    """Rounding of a difference bounds the estimate from below."""
+    return max(0.7 * tolerance, 50.0 * float(jnp.finfo(value.dtype).eps))
+
+
+def _unresolved(error: float, tolerance: float) -> str:
+    return (
+        f"tolerance is {tolerance} but the profile varies too fast: an error of some {error:.1e} is left; "
+        "give steps as layers of stack_reflectance_factor, kinks as samples, or ask for a larger tolerance"
+    )
+
+
+def _meshed(film: _Film, rest: dict[str, Any], tolerance: float) -> Array:
+    dtype = film.thickness.dtype
+    flat = {name: jnp.broadcast_to(jnp.asarray(value, dtype), film.batch).reshape(-1) for name, value in rest.items()}
+    number = rest["refractive_index"]
+    fixed = float(number) if isinstance(number, int | float | np.floating | np.integer) else None
+    index = concrete(number)
+    lowest = 1.0 if index is None else float(np.min(index, initial=2.5))
+    share = jnp.linspace(0.0, 1.0, 257, dtype=dtype)
+    total = jnp.mean(film.absorption(share) + film.scattering(share), axis=-1) * film.thickness
+    known = concrete(total)
+    thickest = 40.0 if known is None else float(np.max(known, initial=0.0))
+    mesh = auxiliary_graded.resolve(tolerance, min(thickest, 40.0), lowest)
+    # Deeper films by more panels of the same proportions, so that the narrowest stay as narrow.
+    deeper = int(np.ceil(np.log2(min(max(thickest / 40.0, 1.0), 1e6))))
+    mesh = mesh._replace(graded=mesh.graded + deeper)
+
+    table = rules(mesh.nodes, mesh.points)
+
+    def reflectance(halvings: int) -> Array:
+        panels = _film_panels(film, mesh, halvings)
+        size = len(flat["substrate_reflectance"])
+
+        def one(piece: tuple[Panels, dict[str, Array]]) -> Array:
+            local, light = piece
+            index = light["refractive_index"] if fixed is None else fixed
+            beam = Light(light["substrate_reflectance"], index, light["cos_incidence"], light.get("cos_viewing"))
+            return auxiliary_graded.reflectance_on(local._replace(rules=table), beam)
+
+        count = panels.width.shape[-1]
+        nodes = count * mesh.nodes
+        bytes_each = dtype.itemsize * (4 * nodes**2 + 2 * nodes * count * mesh.points)
+        # Chunk by chunk, and computed again for a reverse pass rather than kept.
+        chunk = max(1, min(size, _CHUNK_BYTES // bytes_each))
+        out = jax.lax.map(
+            lambda piece: jax.checkpoint(one)(jax.tree.map(lambda a: a[None], piece))[0],
+            (panels._replace(rules=None), flat),
+            batch_size=chunk,
+        )
+        return out.reshape(film.batch)
+
+    halvings = 0
+    before = reflectance(0) if known is not None else None
+    while True:
+        halvings += 1
+        value = reflectance(halvings)
+        change = None if before is None else concrete(value - before)
+        if change is None or np.max(np.abs(change), initial=0.0) < _attainable(tolerance, value):
+            return value
+        if halvings == _MOST_HALVINGS:
+            raise ValueError(_unresolved(np.max(np.abs(change)), tolerance))
+        before = value
+
+
+def _film_panels(film: _Film, mesh: Mesh, halvings: int) -> Panels:
+    """Panels whose edges are fixed shares of the depth, with the true albedo at their nodes; batch axis flattened."""
+    edges = graded_shares(mesh)
+    if film.intervals is not None:
+        edges = np.unique(np.round(np.concatenate([edges, np.linspace(0, 1, film.intervals + 1)]), 12))
+    parts = 2**halvings
+    inner = np.linspace(edges[:-1], edges[1:], parts, endpoint=False).T.ravel()
+    edges = np.r_[inner, 1.0]
+    table = rules(mesh.nodes, mesh.points)
+    start, span = edges[:-1], np.diff(edges)
+    x, w = gauss(_DEPTH_POINTS)
+
+    def extinction(share: Array) -> Array:  # (..., panels, points) of the film's share, in optical depth per share
+        flat = share.reshape(*share.shape[:-2], -1)
+        values = film.absorption(flat) + film.scattering(flat)
+        values = values * film.thickness[..., None]
+        return values.reshape(*values.shape[:-1], *share.shape[-2:])
+
+    def depth_within(part: Array) -> Array:  # optical depth from the panel's top to its share `part`, (..., panels, p)
+        points = part[..., None] * x  # (..., panels, p, m)
+        share = start[:, None] + span[:, None] * points.reshape(*points.shape[:-2], -1)
+        values = extinction(share).reshape(*jnp.broadcast_shapes(film.batch, points.shape[:-3]), *points.shape[-3:])
+        return span[:, None] * part * (values @ jnp.asarray(w, values.dtype))
+
+    dtype = film.thickness.dtype
+    whole = jnp.ones((*film.batch, len(start), 1), dtype)
+    width = depth_within(whole)[..., 0]
+    part = jnp.broadcast_to(jnp.asarray(table.nodes, dtype), (*film.batch, len(start), mesh.nodes))
+    for _ in range(_NEWTON_STEPS):  # where the optical depth reaches the nodes
+        slope = span[:, None] * extinction(start[:, None] + span[:, None] * part)
+        miss = depth_within(part) - width[..., None] * table.nodes
+        step = miss / jnp.maximum(slope, jnp.finfo(dtype).tiny)
+        part = jnp.clip(part - jnp.clip(step, -1.0, 1.0), 0.0, 1.0)
+    share = (start[:, None] + span[:, None] * part).reshape(*film.batch, -1)
+    albedo = _albedo(film.absorption(share), film.scattering(share))
+    size = int(np.prod(film.batch))
+    width = width.reshape(size, -1)
+    albedo = jnp.broadcast_to(albedo, share.shape).reshape(size, len(start), mesh.nodes)
+    depth = jnp.cumsum(width, axis=-1)
+    return Panels(depth - width, width, albedo, depth[:, -1], table)

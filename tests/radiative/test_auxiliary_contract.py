@@ -1,0 +1,133 @@
+"""method="auxiliary": against shared values, the other method, conservation, edges, and its own differences."""
+
+import itertools
+import re
+import subprocess
+import sys
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from glazejax import stack_hemispherical_reflectance, stack_reflectance_factor
+from glazejax.radiative.fresnel import dielectric_reflectance
+
+from .cases import CENTRAL, EDGE_ALBEDO, EDGE_COSINE, EDGE_GROUND, EDGE_THICKNESS, random_cases, reference_cases
+
+
+def auxiliary(q, d, ground, *, hemispherical=False, **given: Any):
+    if hemispherical:
+        return stack_hemispherical_reflectance(q, d, ground, method="auxiliary", **given)
+    return stack_reflectance_factor(q, d, ground, method="auxiliary", **given)
+
+
+# Every index at one tolerance, every tolerance at one index: each pair is a program to compile.
+@pytest.mark.parametrize(("tolerance", "indices"), [(1e-3, (1.5,)), (1e-4, (1.0, 1.33, 1.5, 1.7)), (1e-6, (1.5,))])
+def test_reference_values_within_the_tolerance(shared_reference, tolerance, indices):
+    cases = reference_cases(shared_reference)
+    for index in indices:
+        c = cases[index]
+        given = {"refractive_index": index, "cos_incidence": c.cos_incidence, "tolerance": tolerance}
+        stack = c.albedo[:, :3], c.optical_thickness[:, :3], c.ground
+        few = np.all(c.optical_thickness[:, 3:] == 0, axis=1)  # at most three layers; the others in the slow test
+        factor = auxiliary(*stack, cos_viewing=c.cos_viewing, **given)
+        assert np.all((np.abs(factor - c.reflectance_factor) <= tolerance + c.uncertainty)[few]), index
+        if index == 1.5:
+            flux = auxiliary(*stack, hemispherical=True, **given)
+            assert np.all((np.abs(flux - c.hemispherical_reflectance) <= tolerance + c.uncertainty)[few])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("tolerance", [1e-3, 1e-4, 1e-6])
+def test_all_reference_values_within_the_tolerance(shared_reference, tolerance):
+    for index, c in reference_cases(shared_reference).items():
+        given = {"refractive_index": index, "cos_incidence": c.cos_incidence, "tolerance": tolerance}
+        stack = c.albedo, c.optical_thickness, c.ground
+        factor = auxiliary(*stack, cos_viewing=c.cos_viewing, **given)
+        flux = auxiliary(*stack, hemispherical=True, **given)
+        assert np.all(np.abs(factor - c.reflectance_factor) <= tolerance + c.uncertainty), index
+        assert np.all(np.abs(flux - c.hemispherical_reflectance) <= tolerance + c.uncertainty), index
+
+
+def test_agrees_with_discrete_ordinates_and_itself_reversed():
+    q, d, g, ci, cv = (a[:200] for a in random_cases(200, seed=5))
+    q, d = q[:, :2], d[:, :2]
+    found = auxiliary(q, d, g, tolerance=1e-4, cos_incidence=ci, cos_viewing=cv)
+    other = stack_reflectance_factor(q, d, g, tolerance=1e-8, cos_incidence=ci, cos_viewing=cv)
+    assert np.max(np.abs(found - other)) < 1e-4
+    reverse = auxiliary(q, d, g, tolerance=1e-4, cos_incidence=cv, cos_viewing=ci)
+    assert np.max(np.abs(found - reverse)) < 1e-4
+
+
+def test_nothing_is_lost_without_absorption():
+    d = np.array([[0.0, 1e-3], [0.1, 5.0], [3.0, 7.9], [1e-9, 2.5]])
+    cosines = np.array([1.0, 0.3, 0.7, 0.05])
+    flux = auxiliary(np.ones_like(d), d, 1.0, cos_incidence=cosines, tolerance=1e-4, hemispherical=True)
+    assert np.max(np.abs(flux - (1 - dielectric_reflectance(cosines, 1.5)))) < 1e-12
+
+
+def test_edges_are_finite_and_right():
+    edges = list(itertools.product(EDGE_ALBEDO, EDGE_THICKNESS, EDGE_GROUND, EDGE_COSINE[1:]))
+    edges = np.array(edges)[np.random.default_rng(0).permutation(len(edges))[:80]]
+    a, t, g, ci = map(jnp.asarray, edges.T)
+    q, d = jnp.stack([a, jnp.full_like(a, 0.6)], axis=1), jnp.stack([t, jnp.full_like(a, 0.2)], axis=1)
+
+    def f(q, d, g, ci):
+        return auxiliary(q, d, g, cos_incidence=ci, cos_viewing=0.5, tolerance=1e-3)
+
+    value, pull = jax.vjp(f, q, d, g, ci)
+    assert all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in (value, *pull(jnp.ones_like(value))))
+    other = stack_reflectance_factor(q, d, g, cos_incidence=ci, cos_viewing=0.5, tolerance=1e-6)
+    assert np.max(np.abs(value - other)) < 1e-3
+
+
+def test_gradient_against_differences_and_the_other_method():
+    q, d, g, ci, cv = (a[:6] for a in random_cases(6, seed=2))
+    q, d = jnp.asarray(q[:, :2]), jnp.asarray(d[:, :2])
+    g, ci = jnp.asarray(g), jnp.asarray(ci)
+
+    def f(q, d, g, ci, **given):
+        return stack_reflectance_factor(q, d, g, cos_incidence=ci, cos_viewing=cv, **given)
+
+    def slopes(**given):
+        return jax.grad(lambda *a: f(*a, **given).sum(), argnums=(0, 1, 2, 3))(q, d, g, ci)
+
+    found = slopes(method="auxiliary", tolerance=1e-4)
+    for one, two in zip(found, slopes(tolerance=1e-8), strict=True):
+        assert np.allclose(one, two, atol=2e-4)
+    for which, step in ((0, 1e-2), (2, 1e-2), (3, 1e-3)):  # the mesh's proportions depend on the thickness
+        arguments = [q, d, g, ci]
+        moved = [arguments[which] + node * step for node in CENTRAL[0]]
+        replaced = [[*arguments[:which], m, *arguments[which + 1 :]] for m in moved]
+        values = [f(*a, method="auxiliary", tolerance=1e-4) for a in replaced]
+        expected = sum(w * v for w, v in zip(CENTRAL[1], values, strict=True)) / step
+        slope = found[which].sum(axis=1) if which == 0 else found[which]
+        assert np.allclose(slope, expected, atol=1e-5), which
+
+
+def test_no_lapack_call():
+    q, d, g, ci, cv = (jnp.asarray(a) for a in random_cases(40))
+    q, d = q[:, :2], d[:, :2]
+    f = jax.grad(lambda q: auxiliary(q, d, g, cos_incidence=ci, cos_viewing=cv, tolerance=1e-2).sum())
+    text = jax.jit(f).lower(q).compile().as_text()
+    assert text is not None
+    assert "lapack" not in "".join(re.findall(r"custom_call_target=\"[^\"]*\"", text)).lower()
+
+
+_BULK = """
+import jax
+jax.config.update("jax_enable_x64", True)
+import numpy as np
+from glazejax import stack_reflectance_factor
+rng = np.random.default_rng(0)
+q, d = (rng.uniform(0, high, (2000, 2)) for high in (1, 2))
+print(float(stack_reflectance_factor(q, d, 0.8, tolerance=1e-2, method="auxiliary").sum()))
+"""
+
+
+def test_bulk_work_ends():
+    done = subprocess.run([sys.executable, "-c", _BULK], capture_output=True, text=True, timeout=240)
+    assert done.returncode == 0, done.stderr
+    assert np.isfinite(float(done.stdout))
