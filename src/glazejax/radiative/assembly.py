@@ -5,15 +5,16 @@ over the directions. `decomposed` makes the same matrix from Q numbers of H and 
 """
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int, PyTree
 
 from glazejax.radiative.directions import gauss
-from glazejax.radiative.exponential_integrals import cone_nodes, expn, internal_reflection_integral
+from glazejax.radiative.exponential_integrals import cone_nodes, expn
 
 # Nodes of the direct quadrature, the fewest that leave every entry within 1e-6 (at steps to 0.04; beyond, the error
 # grows with the step). That is where the paper's MATLAB stops by default.
@@ -22,6 +23,8 @@ _GRAZING_NODES = 14
 _CONE_NODES = 6
 _OWN_SEGMENT_NODES = 8
 _OWN_GRAZING_NODES = 32
+# Points of an even grid whose exponentials are products.
+_RUN = 16
 # exp(-x/mu) counts for nothing where mu is smaller than x by this factor.
 _NEGLIGIBLE_DEPTH = 16.0
 
@@ -29,31 +32,34 @@ _NEGLIGIBLE_DEPTH = 16.0
 class Operator(NamedTuple):
     """H + U, the vectors M and M' and the number K of every stack (eqs (18), (20), (25))."""
 
-    matrix: Float[Array, "stacks n n"]
+    matrix: Float[Array, "stacks n n"]  # [segment, node]: symmetric but for the error of a quadrature
     m: Float[Array, "n stacks"]
     m_integrated: Float[Array, "n stacks"]
     k: Float[Array, "stacks"]
 
 
 def decomposed(
-    step: Float[Array, "stacks"], depth: Float[Array, "stacks"], most: int, refractive_index: float
+    step: Float[Array, "stacks"], count: Int[Array, "stacks"], most: int, refractive_index: float
 ) -> Operator:
-    """From Q + (2Q - 1) + 2Q numbers for each stack, all exact.
+    """From Q numbers of H, 2Q - 1 of U and 2Q of M and M' for each stack, all exact.
 
     Args:
         step: dh of each stack, > 0.
-        depth: h, a multiple of it.
-        most: Q for all stacks; rows and columns beyond a stack's own have no meaning.
+        count: Q of each stack.
+        most: Q_max, rows of all matrices; those beyond a stack's own have no meaning.
         refractive_index: n.
     """
-    e2 = expn(2, (jnp.arange(most) + 0.5) * step[:, None])
-    toeplitz = jnp.concatenate([2.0 * (1.0 - e2[:, :1]), e2[:, :-1] - e2[:, 1:]], axis=1)
-    j1 = internal_reflection_integral(1, (jnp.arange(2 * most) + 0.5) * step[:, None], refractive_index)
-    matrix = toeplitz_plus_hankel(toeplitz, j1[:, :-1] - j1[:, 1:])
-    return Operator(matrix, *ground_vectors(step, depth, most, refractive_index))
+
+    def numbers() -> tuple[Array, ...]:
+        e2, j1 = _at_midpoints(step, most, refractive_index)
+        toeplitz = jnp.concatenate([2.0 * (1.0 - e2[:, :1]), e2[:, :-1] - e2[:, 1:]], axis=1)
+        return toeplitz, j1[:, :-1] - j1[:, 1:], *_ground(e2, j1, step, count, refractive_index)
+
+    toeplitz, hankel, *ground = computed_once(numbers, step)
+    return Operator(toeplitz_plus_hankel(toeplitz, hankel), *ground)
 
 
-def direct(step: Float[Array, "stacks"], depth: Float[Array, "stacks"], most: int, refractive_index: float) -> Operator:
+def direct(step: Float[Array, "stacks"], count: Int[Array, "stacks"], most: int, refractive_index: float) -> Operator:
     """The same, every entry of H + U by its own quadrature over the segment and over mu.
 
     Four Gauss nodes in the segment; in mu, where exp(-x/mu)/mu varies over decades, Gauss nodes in ln mu down to a
@@ -71,14 +77,14 @@ def direct(step: Float[Array, "stacks"], depth: Float[Array, "stacks"], most: in
             def add(k: Array, total: Array) -> Array:
                 for position, share in zip(y, w, strict=True):
                     s = (index + position) * dh
-                    total = total + share * dh * weight[k] * jnp.exp(-distance(node[:, None], s) / mu[k])
+                    total = total + share * dh * weight[k] * jnp.exp(-distance(node, s[:, None]) / mu[k])
                 return total
 
             return jax.lax.fori_loop(0, mu.size, add, jnp.zeros((most, most), dh.dtype))
 
         smallest = 0.5 * dh / _NEGLIGIBLE_DEPTH
         matrix = integrated(lambda node, s: jnp.abs(node - s), *_grazing(1.0, smallest, _GRAZING_NODES))
-        matrix = jnp.where(np.eye(most, dtype=bool), _own(node, dh)[:, None], matrix)
+        matrix = jnp.where(np.eye(most, dtype=bool), _own(node, dh), matrix)
         if refractive_index > 1.0:
             critical = math.sqrt(1.0 - 1.0 / refractive_index**2)
             mu, weight = _grazing(critical, smallest, _GRAZING_NODES)
@@ -87,7 +93,10 @@ def direct(step: Float[Array, "stacks"], depth: Float[Array, "stacks"], most: in
             matrix = matrix + integrated(lambda node, s: node + s, mu, weight)
         return matrix
 
-    return Operator(jax.lax.map(entries, step), *ground_vectors(step, depth, most, refractive_index))
+    def ground() -> tuple[Array, ...]:
+        return _ground(*_at_midpoints(step, most, refractive_index), step, count, refractive_index)
+
+    return Operator(jax.lax.map(entries, step), *computed_once(ground, step))
 
 
 def _own(node: Array, dh: Array) -> Float[Array, "n"]:
@@ -106,19 +115,48 @@ def _grazing(top: float, bottom: Array, nodes: int) -> tuple[Array, Array]:
     return top * jnp.exp(-span * y), span * w
 
 
-def ground_vectors(
-    step: Float[Array, "stacks"], depth: Float[Array, "stacks"], most: int, refractive_index: float
-) -> tuple[Array, Array, Array]:
+def _at_midpoints(step: Array, most: int, refractive_index: float) -> tuple[Array, Array]:
+    """E_2 (stacks, n) and J_1 (stacks, 2n) at (k + 1/2) dh; J_p(x) = int R mu^(p-1) exp(-x/mu) dmu."""
+    e2 = expn(2, (jnp.arange(most) + 0.5) * step[:, None])
+    return e2, _reflected(1, 0.5 * step, step, 2 * most, refractive_index)
+
+
+def _ground(e2: Array, j1: Array, step: Array, count: Array, refractive_index: float) -> tuple[Array, Array, Array]:
     """M at the midpoints and integrated over the segments, (n, stacks), and K, (stacks,); exact."""
-    edges = jnp.arange(most + 1)[:, None] * step
-    middle = edges[:-1] + 0.5 * step
+    most = e2.shape[1]
+    i, own = jnp.arange(most), count[:, None]
+    m = jnp.take_along_axis(e2, jnp.maximum(own - 1 - i, 0), axis=1) + jnp.take_along_axis(j1, own + i, axis=1)
+    # h is Q dh, so the same numbers serve h - s and h + s; the integral over a segment needs them at its edges.
+    e3 = expn(3, jnp.arange(most + 1) * step[:, None])
+    j2 = _reflected(2, count * step, step, most + 1, refractive_index)
+    above = jnp.maximum(own - 1 - i, 0)
+    integrated = jnp.take_along_axis(e3, above, axis=1) - jnp.take_along_axis(e3, above + 1, axis=1)
+    integrated = integrated + j2[:, :-1] - j2[:, 1:]
+    return m.T, integrated.T, 2.0 * jnp.take_along_axis(j2, own, axis=1)[:, 0]
 
-    def reflected(power: int, x: Array) -> Array:
-        return internal_reflection_integral(power, x, refractive_index)
 
-    m = expn(2, jnp.abs(depth - middle)) + reflected(1, depth + middle)
-    antiderivative = expn(3, jnp.abs(depth - edges)) - reflected(2, depth + edges)
-    return m, antiderivative[1:] - antiderivative[:-1], 2.0 * reflected(2, 2.0 * depth)
+def _reflected(power: int, start: Array, step: Array, terms: int, refractive_index: float) -> Array:
+    """J_p at start + j step, (stacks, terms): total reflection in closed form, the cone by Gauss nodes."""
+    if refractive_index == 1.0:
+        return jnp.zeros((step.size, terms), step.dtype)
+    critical = math.sqrt((refractive_index - 1.0) * (refractive_index + 1.0)) / refractive_index
+    depth = start[:, None] + jnp.arange(terms) * step[:, None]
+    mu, weight, r = (jnp.asarray(a, step.dtype) for a in cone_nodes(refractive_index))
+    # On an even grid the exponentials are products of those of every sixteenth point and of the first sixteen.
+    coarse = jnp.exp(-(step[:, None] * np.arange(0, terms, _RUN))[..., None] / mu)
+    fine = jnp.exp(-(start[:, None] + step[:, None] * np.arange(_RUN))[..., None] / mu)
+    cone = jnp.einsum("wak,wbk->wab", coarse * (weight * r * mu ** (power - 1)), fine, precision="highest")
+    cone = cone.reshape(step.size, -1)[:, :terms]
+    return cone + critical**power * expn(power + 1, depth / critical)
+
+
+def computed_once(function: Callable[[], PyTree], positive: Array) -> PyTree:
+    """function(), kept apart from what uses it: XLA would compile a series of 50 terms into each of Q^2 uses.
+
+    A barrier does not hold on the CPU, a branch does. ``positive`` holds positive numbers.
+    """
+    nothing = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), jax.eval_shape(function))
+    return jax.lax.cond(jnp.all(positive > 0), function, lambda: nothing)
 
 
 def toeplitz_plus_hankel(toeplitz: Float[Array, "*stacks n"], hankel: Float[Array, "*stacks m"]) -> Array:

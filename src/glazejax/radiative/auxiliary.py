@@ -43,11 +43,13 @@ from glazejax.radiative.split import Split
 Variant = Literal["direct", "decomposed", "fixed_step"]
 """How the matrix comes about."""
 
-# Stacks are gathered by number of segments where that saves so many matrix elements; a bucket costs a call.
-_WORTH_A_BUCKET = 2**20
-# Elements of one vector over all stacks of a call, and of all matrices of a call where stacks have their own.
+# Stacks are gathered by number of segments where that saves so many matrix elements (stacks x Q^2): by a fixed step,
+# where all share one matrix and a call costs the more, and by steps of their own.
+_WORTH_A_BUCKET = {"fixed_step": 2**20, "decomposed": 2**15, "direct": 2**15}
+# Elements of one vector over all stacks of a call.
 _CHUNK_ELEMENTS = 2**20
-_CHUNK_MATRICES = 2**24
+# From so many segments on, stacks with steps of their own are called one by one: one program serves any number of them.
+_ALONE = 64
 _KEPT_TABLES = 8
 _kept: OrderedDict[tuple[float, float], KernelTable] = OrderedDict()
 
@@ -125,14 +127,15 @@ def split_reflectance_factor(
             by `jax.jit` without a table to say how many segments there may be.
 
     Notes:
-        The error is of second order in dh where ``corrected`` and about 0.05 dh^2 (0.01 to 0.1; `python -m
-        benchmarks.auxiliary_order` shows it); without, of first order.
+        The error is of second order in dh where ``corrected``: at most 0.04 (dh/mu)^2, mu the smaller cosine inside, on
+        the shared references, and mostly far less. Without, it is of first order (`python -m
+        benchmarks.auxiliary_order` shows both).
         Differentiable by albedo, thickness, ground and the cosines at a fixed number of segments, forward and reverse;
         as printed, the result by a fixed step is piecewise constant in the thickness, so only the corrected one has a
         derivative worth the name. Under `jax.jit` with a traced thickness give a table that is long enough: a stack
         beyond it gives NaN.
-        The largest step of the batch's stacks sets nothing for the others: they are gathered by number of segments and
-        filled up with segments of albedo 0, which scatter nothing.
+        Stacks of unlike thickness are gathered in a few groups of about as many segments and filled up with segments
+        of albedo 0, which scatter nothing and so change nothing.
 
     Source: paper A (Shinozawa et al. 2013), eqs (3)-(5), (17)-(34), sections 4.1 and 4.2.
     """
@@ -155,13 +158,13 @@ def split_reflectance_factor(
     vectors = _vectors(_table(table, options, most), options)
     angles = max(int(np.prod(batch.cos_incidence.shape[1:])), 1)
     parts, order = [], []
-    for rows, most in _buckets(count):
-        chunk = max(1, _CHUNK_ELEMENTS // (most * (angles + 1)))
-        if variant != "fixed_step":
-            chunk = max(1, min(chunk, _CHUNK_MATRICES // most**2))
+    for rows, most in _buckets(count, _WORTH_A_BUCKET[variant]):
+        alone = variant != "fixed_step" and most >= _ALONE
+        chunk = 1 if alone else max(1, _CHUNK_ELEMENTS // (most * (angles + 1)))
         for start in range(0, rows.size, chunk):
             some = rows[start : start + chunk]
-            filled = np.concatenate([some, np.repeat(some[:1], _rounded_up(some.size, chunk) - some.size)])
+            size = min(chunk, 1 << (some.size - 1).bit_length())
+            filled = np.concatenate([some, np.repeat(some[:1], size - some.size)])
             piece = jax.tree.map(lambda leaf, index=filled: leaf[index], batch)
             run = _run(piece, jnp.asarray(count[filled]), vectors(most), options._replace(most=most))
             parts.append(jax.tree.map(lambda leaf, size=some.size: leaf[:size], run))
@@ -255,7 +258,7 @@ def _segments(depth, options: _Options):
     return xp.where(depth > 0, xp.maximum(count, 2), 1).astype(int)
 
 
-def _buckets(count: np.ndarray) -> list[tuple[np.ndarray, int]]:
+def _buckets(count: np.ndarray, worth: int) -> list[tuple[np.ndarray, int]]:
     """Stacks (row numbers) of about equal segment counts, each with its padded count."""
     ladder = np.array([_rounded_up(int(c)) for c in np.unique(count)] or [1])
     buckets: list[tuple[np.ndarray, int]] = []
@@ -265,19 +268,17 @@ def _buckets(count: np.ndarray) -> list[tuple[np.ndarray, int]]:
         rest = rest[count[rest] > top]
         above = next((int(size) for size in np.unique(ladder) if size > top), None)
         # What these stacks would cost in the next bucket up.
-        if above is None or waiting.size * (above**2 - int(top) ** 2) > _WORTH_A_BUCKET:
+        if above is None or waiting.size * (above**2 - int(top) ** 2) > worth:
             if waiting.size:
                 buckets.append((np.sort(waiting), int(top)))
             waiting = np.zeros(0, int)
     return buckets
 
 
-def _rounded_up(count: int, limit: int | None = None) -> int:
+def _rounded_up(count: int) -> int:
     """To 1, 2, 3, 4, 6, 8, 12, 16, ..., so that few programs are compiled."""
-    size = 1
-    while size < count:
-        size = size * 3 // 2 if size & (size - 1) == 0 and size > 1 else size // 3 * 4 if size > 2 else size + 1
-    return size if limit is None else min(size, limit)
+    size = 1 << max(count - 1, 0).bit_length()
+    return size * 3 // 4 if size > 2 and count <= size * 3 // 4 else size
 
 
 def _table(table: KernelTable | None, options: _Options, most: int) -> KernelTable | None:
@@ -331,7 +332,15 @@ def _run(batch: _Batch, count: Array, vectors: tuple, options: _Options) -> Spli
     vectors = jax.tree.map(lambda v: jnp.asarray(v, batch.albedo.dtype), vectors)
     if options.variant == "fixed_step" and options.corrected:
         return _galerkin(batch, count, vectors, options)
-    return _collocation(batch, count, vectors, options)
+    if options.variant == "fixed_step":
+        return _collocation(batch, count, vectors, options)
+
+    def one(stack_and_count: tuple[_Batch, Array]) -> Split:
+        alone, its_count = jax.tree.map(lambda leaf: leaf[None], stack_and_count)
+        return jax.tree.map(lambda leaf: leaf[0], _collocation(alone, its_count, vectors, options))
+
+    # One after the other: a stack's own matrix then stays in the cache through assembly and solution.
+    return jax.lax.map(one, (batch, count))
 
 
 class _Beam(NamedTuple):
@@ -365,8 +374,8 @@ def _galerkin(batch: _Batch, count: Array, vectors: tuple, options: _Options) ->
         # Not abs, whose slope at zero is neither side's: a face on an edge is in the segment below it.
         return reflected - expn(3, jnp.where(face >= depths, face - depths, depths - face))
 
-    # A loop, or XLA would compile the kernel's series into each of its many uses.
-    to_all = jax.lax.map(kernel, faces)  # (layers, n + layers, stacks)
+    # (layers, n + layers, stacks)
+    to_all = assembly.computed_once(lambda: jax.lax.map(kernel, faces), 1.0 + depth)
     to_faces, among_faces = to_all[:, : options.most], to_all[:, options.most :]
     among_edges = assembly.toeplitz_plus_hankel(-vectors[0], vectors[1])
 
@@ -407,17 +416,17 @@ def _collocation(batch: _Batch, count: Array, vectors: tuple, options: _Options)
     index = options.refractive_index
     depth = jnp.sum(batch.thickness, axis=1)
     present = depth > 0
+    held = jnp.where(present, count, 0)  # Q
     if options.variant == "fixed_step":
         step = jnp.full_like(depth, options.step)
-        count = jnp.where(present, count, 0)
-        depth = count * step
+        depth = held * step
         matrix, *rest = vectors
         matrix = assembly.toeplitz_plus_hankel(matrix, rest.pop(0))
-        m, m_integrated, k = _tabulated_ground(rest, count, options.most)
+        m, m_integrated, k = _tabulated_ground(rest, held, options.most)
     else:
         step = jnp.where(present, depth / count, options.step)
         assemble = assembly.direct if options.variant == "direct" else assembly.decomposed
-        matrix, m, m_integrated, k = assemble(step, depth, options.most, index)
+        matrix, m, m_integrated, k = assemble(step, held, options.most, index)
     incident, viewing = (_Beam.make(c, index, depth) for c in (batch.cos_incidence, batch.cos_viewing))
     strength = incident.transmittance / (2.0 * jnp.pi * incident.cosine)
     edges = jnp.arange(options.most + 1)[:, None] * step
@@ -435,7 +444,7 @@ def _collocation(batch: _Batch, count: Array, vectors: tuple, options: _Options)
         middle = edges[:-1] + 0.5 * step
         layer = jnp.sum(jnp.cumsum(batch.thickness, axis=1).T[:-1, None] <= middle, axis=0)
         albedo = jnp.take_along_axis(batch.albedo.T, layer, axis=0)
-        albedo = jnp.where((jnp.arange(options.most)[:, None] < count) & present, albedo, 0.0)
+        albedo = jnp.where(jnp.arange(options.most)[:, None] < held, albedo, 0.0)
         seen = viewing.antiderivative(edges)
         seen = append_axes(albedo, seen) * (seen[1:] - seen[:-1])
         g = strength * jnp.exp(-append_axes(middle, incident.cosine[None]) / incident.cosine)
@@ -447,8 +456,7 @@ def _collocation(batch: _Batch, count: Array, vectors: tuple, options: _Options)
         if matrix.ndim == 2:
             product = jnp.matmul(matrix, q_t.reshape(options.most, -1), precision="highest").reshape(q_t.shape)
         else:
-            product = jnp.einsum("wij,wjk->wik", matrix, jnp.moveaxis(q_t, 1, 0), precision="highest")
-            product = jnp.moveaxis(product, 0, 1)
+            product = _rows_times(q_t[:, 0].T, matrix[0]).T[:, None]
         return 0.5 * product
 
     scattered, from_ground = _solve(
@@ -471,6 +479,13 @@ def _solve(apply, weight: Array, source: Array, ground: Array, first: Array | No
     beam = apply(_cases(source)) if first is None else first
     both = solve_contraction(apply, weight[..., None], jnp.concatenate([beam, ground[..., None]], axis=-1))
     return both[..., :-1].reshape(source.shape), both[..., -1]
+
+
+def _rows_times(rows: Array, matrix: Array) -> Array:
+    """rows @ matrix; a few rows one by one, which XLA does several times faster on the CPU than together."""
+    if rows.shape[0] > 3:
+        return jnp.matmul(rows, matrix, precision="highest")
+    return jnp.stack([jnp.matmul(row, matrix, precision="highest") for row in rows])
 
 
 def _cases(array: Array) -> Array:

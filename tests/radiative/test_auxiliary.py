@@ -1,0 +1,338 @@
+"""The auxiliary function method with a step: right, of the order it claims, its variants alike, and never a hang."""
+
+import os
+import re
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from glazejax import stack_reflectance_factor
+from glazejax.radiative import auxiliary
+from glazejax.radiative.auxiliary import reflectance_factor, split_reflectance_factor
+from glazejax.radiative.fresnel import cos_refracted
+from glazejax.radiative.kernel_table import MOST_SEGMENTS, KernelTable
+
+from .cases import CENTRAL, reference_cases
+
+# Interfaces and thicknesses that no step used here fits; the last three are an absent glaze, no scattering at all
+# and no absorption at all.
+ALBEDO = np.array([[0.8, 0.4], [0.99, 0.2], [1.0, 0.5], [0.95, 0.3], [0.5, 0.9], [0.0, 0.0], [1.0, 1.0]])
+THICKNESS = np.array([[0.413, 0.777], [0.137, 0.91], [0.31, 0.4], [0.22, 0.5137], [0.0, 0.0], [0.5, 0.2], [0.3, 0.317]])
+GROUND = np.array([0.7, 1.0, 0.9, 0.5, 0.8, 0.8, 1.0])
+INCIDENCE = np.array([0.8, 1.0, 0.3, 0.5, 0.5, 0.5, 1.0])
+VIEWING = np.array([0.6, 1.0, 0.9, 0.2, 0.6, 0.6, 0.7])
+ANGLES: dict = {"cos_incidence": INCIDENCE, "cos_viewing": VIEWING}
+STACKS = (ALBEDO, THICKNESS, GROUND)
+STEPS = (0.16, 0.04, 0.02)
+
+
+@pytest.fixture(scope="module")
+def truth() -> np.ndarray:
+    return np.asarray(stack_reflectance_factor(*STACKS, **ANGLES, tolerance=1e-10))
+
+
+def errors(truth, **settings) -> np.ndarray:
+    """Of every stack at every step, (steps, stacks)."""
+    return np.array([np.abs(reflectance_factor(*STACKS, **ANGLES, step=dh, **settings) - truth) for dh in STEPS])
+
+
+def order(errors: np.ndarray) -> float:
+    """Slope of the error's root mean square over the stacks against the step, over all steps."""
+    size = np.log(np.sqrt(np.mean(errors[:, :4] ** 2, axis=1)))
+    return float(np.polyfit(np.log(STEPS), size, 1)[0])
+
+
+def test_the_corrected_method_is_of_second_order(truth):
+    found = errors(truth)
+    assert order(found) > 1.8
+    assert np.all(found <= 0.1 * np.array(STEPS)[:, None] ** 2)
+
+
+def test_the_printed_method_is_of_first_order(truth):
+    found = errors(truth, corrected=False)
+    assert 0.6 < order(found) < 1.5
+    # And far behind where nothing fits.
+    assert np.all(found[-1, :4] > 20 * 0.1 * STEPS[-1] ** 2) or found[-1, :4].max() > 1e-3
+
+
+def test_references(shared_reference):
+    step = 0.2
+    for index, c in reference_cases(shared_reference).items():
+        moderate = c.optical_thickness.sum(axis=1) < 12
+        kept = [a[moderate] for a in (c.albedo, c.optical_thickness, c.ground, c.cos_incidence, c.cos_viewing)]
+        found = reflectance_factor(
+            *kept[:3], refractive_index=index, cos_incidence=kept[3], cos_viewing=kept[4], step=step
+        )
+        inside = cos_refracted(np.minimum(kept[3], kept[4]), index)
+        assert np.all(np.abs(found - c.reflectance_factor[moderate]) < 0.04 * (step / inside) ** 2)
+
+
+@pytest.mark.parametrize("corrected", [True, False])
+def test_direct_and_decomposed_agree(corrected, truth):
+    step = STEPS[1]
+    direct, decomposed = (
+        reflectance_factor(*STACKS, **ANGLES, step=step, variant=variant, corrected=corrected)
+        for variant in ("direct", "decomposed")
+    )
+    # The quadrature leaves every entry of the matrix within 1e-6; with nothing absorbed they add up.
+    assert np.max(np.abs(direct - decomposed)) < 2e-5
+    if corrected:
+        assert np.max(np.abs(decomposed - truth)) < 0.2 * step**2
+
+
+def test_a_step_that_fits_makes_fixed_and_own_step_alike():
+    thickness = np.array([[0.4, 0.8], [0.08, 0.96], [0.0, 0.0], [0.32, 0.4]])
+    given = (ALBEDO[:4], thickness, GROUND[:4])
+    fixed, own = (
+        reflectance_factor(*given, step=0.04, variant=variant, corrected=False)
+        for variant in ("fixed_step", "decomposed")
+    )
+    assert np.allclose(fixed, own, atol=1e-9, rtol=0)
+
+
+def test_parts_add_up_and_mean_what_they_say(truth):
+    for corrected in (True, False):
+        split = split_reflectance_factor(*STACKS, **ANGLES, step=0.04, corrected=corrected)
+        whole = reflectance_factor(*STACKS, **ANGLES, step=0.04, corrected=corrected)
+        assert np.allclose(split.ground + split.single + split.multiple, whole, atol=1e-12, rtol=0)
+        assert all(np.all(part >= 0) for part in split)
+        # Neither an absent glaze nor one without albedo scatters.
+        assert np.all(split.single[4:6] == 0)
+        assert np.all(split.multiple[4:6] == 0)
+    split = split_reflectance_factor(ALBEDO, THICKNESS, 0.0, **ANGLES, step=0.04)
+    assert np.all(split.ground == 0)
+    # Without a ground and with next to no albedo all is single scattering.
+    faint = split_reflectance_factor(1e-4 * ALBEDO, THICKNESS, 0.0, **ANGLES, step=0.04)
+    dim = stack_reflectance_factor(1e-4 * ALBEDO, THICKNESS, 0.0, **ANGLES, tolerance=1e-10)
+    assert np.all(faint.multiple <= 1e-4 * faint.single)
+    assert np.allclose(faint.single, dim, atol=1e-8)
+
+
+def test_no_scattering_is_a_closed_form(truth):
+    assert np.allclose(reflectance_factor(*STACKS, **ANGLES, step=0.04)[4:6], truth[4:6], atol=1e-9, rtol=0)
+
+
+def test_incidence_and_viewing_may_be_exchanged():
+    there = reflectance_factor(*STACKS, cos_incidence=INCIDENCE, cos_viewing=VIEWING, step=0.04)
+    back = reflectance_factor(*STACKS, cos_incidence=VIEWING, cos_viewing=INCIDENCE, step=0.04)
+    assert np.allclose(there, back, atol=1e-10, rtol=0)
+
+
+def test_batches_and_angles_broadcast():
+    angles = np.array([0.3, 0.8, 1.0])
+    table = split_reflectance_factor(
+        ALBEDO[:, None, None],
+        THICKNESS[:, None, None],
+        0.7,
+        cos_incidence=angles[:, None],
+        cos_viewing=angles,
+        step=0.04,
+    )
+    assert table.multiple.shape == (7, 3, 3)
+    for i, ci in enumerate(angles):
+        for j, cv in enumerate(angles):
+            one = split_reflectance_factor(ALBEDO, THICKNESS, 0.7, cos_incidence=ci, cos_viewing=cv, step=0.04)
+            for part, whole in zip(one, table, strict=True):
+                assert np.allclose(part, whole[:, i, j], atol=1e-10, rtol=0)
+    assert reflectance_factor(np.zeros((0, 2)), np.zeros((0, 2)), 0.5).shape == (0,)
+    assert reflectance_factor([0.5], [0.3], 0.5, step=0.1).shape == ()
+
+
+def test_stacks_of_many_thicknesses_are_gathered_in_their_order(monkeypatch):
+    together = reflectance_factor(*STACKS, **ANGLES, step=0.04)
+    monkeypatch.setattr(auxiliary, "_WORTH_A_BUCKET", {"fixed_step": 0})
+    monkeypatch.setattr(auxiliary, "_CHUNK_ELEMENTS", 64)
+    assert np.allclose(reflectance_factor(*STACKS, **ANGLES, step=0.04), together, atol=1e-10, rtol=0)
+
+
+def test_coarse_steps_at_grazing_angles_are_finite():
+    q, d = np.array([[0.9, 0.5], [1.0, 0.0], [0.3, 1.0]]), np.array([[0.7, 1.4], [1e-12, 3.0], [6.0, 1e-3]])
+    cosines = np.array([1e-4, 0.5, 1.0])
+    for index, step, corrected in ((1.0, 0.5, True), (1.5, 1.0, True), (1.0, 1.0, False), (1.5, 0.5, False)):
+        value = reflectance_factor(
+            q[:, None, None],
+            d[:, None, None],
+            1.0,
+            refractive_index=index,
+            cos_incidence=cosines[:, None],
+            cos_viewing=cosines,
+            step=step,
+            corrected=corrected,
+        )
+        assert np.all(np.isfinite(value))
+        assert np.all(value >= 0)
+
+
+SLOPE_THICKNESS = np.array([[0.413, 0.777], [0.22, 0.5137], [0.31, 0.417], [0.137, 0.91], [0.22, 0.5137]])
+SLOPE_ALBEDO = np.array([[0.8, 0.4], [0.3, 0.0], [0.0, 0.0], [1.0, 0.2], [1.0, 1.0]])
+
+
+def test_gradients():
+    step = 0.08
+    arguments = tuple(map(jnp.asarray, (SLOPE_ALBEDO, SLOPE_THICKNESS, GROUND[:5], INCIDENCE[:5], VIEWING[:5])))
+
+    def value(q, d, g, ci, cv):
+        return reflectance_factor(q, d, g, cos_incidence=ci, cos_viewing=cv, step=step)
+
+    def total(*a):
+        return value(*a).sum()
+
+    found = jax.grad(total, argnums=tuple(range(5)))(*arguments)
+
+    def exact(q, d, g, ci, cv):
+        return stack_reflectance_factor(q, d, g, cos_incidence=ci, cos_viewing=cv, tolerance=1e-8).sum()
+
+    right = jax.grad(exact, argnums=tuple(range(5)))(*arguments)
+    for slope, wanted in zip(found, right, strict=True):
+        assert np.all(np.isfinite(slope))
+        assert np.max(np.abs(slope - wanted)) < 0.5 * step  # slopes lose one order
+    # Against differences of the same discrete problem; albedos at the ends of their range may not be moved.
+    offsets, weights = CENTRAL
+    rng = np.random.default_rng(1)
+    for k in range(5):
+        inside = (arguments[k] > 0.01) & (arguments[k] < 0.99) if k != 1 else True
+        direction = jnp.asarray(rng.uniform(0.3, 1, arguments[k].shape)) * inside
+        h = 1e-4
+        moved = [
+            total(*arguments[:k], arguments[k] + offset * h * direction, *arguments[k + 1 :]) for offset in offsets
+        ]
+        assert np.isclose(np.dot(weights, moved) / h, jnp.vdot(found[k], direction), rtol=2e-7, atol=1e-8)
+
+
+def test_gradients_of_own_steps():
+    for variant in ("decomposed", "direct"):
+
+        def total(q, g, variant=variant):
+            return reflectance_factor(q, THICKNESS[:2], g, step=0.08, variant=variant, corrected=False).sum()
+
+        q, g = jnp.asarray(ALBEDO[:2]), jnp.asarray([0.7, 0.9])
+        by_albedo, by_ground = jax.grad(total, argnums=(0, 1))(q, g)
+        h = 1e-5
+        difference = (total(q.at[0, 0].add(h), g) - total(q.at[0, 0].add(-h), g)) / (2 * h)
+        assert np.isclose(difference, by_albedo[0, 0], rtol=1e-6)
+        difference = (total(q, g + h) - total(q, g - h)) / (2 * h)
+        assert np.isclose(difference, by_ground.sum(), rtol=1e-6)
+
+
+def test_a_table_serves_jit_and_vmap():
+    table = KernelTable(1.5, 0.08, 16)
+    q, d = jnp.asarray(ALBEDO), jnp.asarray(THICKNESS)
+
+    def f(q, d):
+        return reflectance_factor(q, d, 0.6, step=0.08, table=table)
+
+    plain = f(q, d)
+    assert table.segments == 16
+    compiled = jax.jit(f)
+    assert np.allclose(compiled(q, d), plain, atol=1e-10, rtol=0)
+    assert np.allclose(jax.vmap(f)(q, d), plain, atol=1e-10, rtol=0)
+    # Too thick for the table: no number rather than a wrong one, and the others unharmed.
+    mixed = compiled(q, d.at[0].multiply(3.0))
+    assert np.isnan(mixed[0])
+    assert np.allclose(mixed[1:], plain[1:], atol=1e-10, rtol=0)
+    f(q, d.at[0].multiply(3.0))
+    assert table.segments > 40
+    text = compiled.lower(q, d).compile().as_text()
+    assert text is not None
+    assert "lapack" not in "".join(re.findall(r"custom_call_target=\"[^\"]*\"", text)).lower()
+
+
+def test_own_steps_compile_without_lapack():
+    # The function that the library compiles, at the smallest size.
+    batch, _ = auxiliary._flatten(
+        {
+            "albedo": ALBEDO[:1],
+            "optical_thickness": THICKNESS[:1],
+            "substrate_reflectance": 0.5,
+            "cos_incidence": 1.0,
+            "cos_viewing": 1.0,
+        }
+    )
+    for variant in ("direct", "decomposed"):
+        options = auxiliary._Options(variant, True, 1.5, 0.08, 8)
+        text = auxiliary._run.lower(batch, jnp.full(1, 8), (), options).compile().as_text()
+        assert text is not None
+        assert "lapack" not in "".join(re.findall(r"custom_call_target=\"[^\"]*\"", text)).lower()
+
+
+_SINGLE = """
+import sys
+import jax, numpy as np
+from glazejax.radiative.auxiliary import reflectance_factor
+assert not jax.config.jax_enable_x64
+data = np.load(sys.argv[1])
+out = reflectance_factor(*(data[k] for k in "qdg"), cos_incidence=data["i"], cos_viewing=data["v"], step=0.02)
+assert out.dtype == np.float32
+np.save(sys.argv[2], out)
+"""
+
+
+def test_single_precision(tmp_path, truth):
+    np.savez(tmp_path / "in.npz", q=ALBEDO, d=THICKNESS, g=GROUND, i=INCIDENCE, v=VIEWING)
+    command = [sys.executable, "-c", _SINGLE, str(tmp_path / "in.npz"), str(tmp_path / "out.npy")]
+    subprocess.run(command, check=True, timeout=300)
+    assert np.max(np.abs(np.load(tmp_path / "out.npy") - truth)) < 2e-4
+
+
+_BULK = """
+import jax
+jax.config.update("jax_enable_x64", True)
+import jax.numpy as jnp, numpy as np
+from glazejax.radiative.auxiliary import reflectance_factor
+rng = np.random.default_rng(0)
+q, d = (jnp.asarray(rng.uniform(0, high, (400, 3))) for high in (1, 1))
+for settings in ({}, {"corrected": False}, {"variant": "decomposed"}):
+    f = lambda q: reflectance_factor(q, d, 0.8, step=0.1, **settings).sum()
+    value, slope = jax.value_and_grad(f)(q)
+    assert bool(jnp.all(jnp.isfinite(slope)))
+    print(float(value))
+"""
+
+
+@pytest.mark.slow
+def test_fresh_processes_finish(tmp_path):
+    environment = os.environ | {"JAX_COMPILATION_CACHE_DIR": str(tmp_path)}
+
+    def run(_):
+        command = [sys.executable, "-c", _BULK]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=240, env=environment)
+        return done.returncode, done.stdout, done.stderr
+
+    with ThreadPoolExecutor(2) as pool:
+        results = list(pool.map(run, range(6)))
+    assert all(code == 0 for code, _, _ in results), results[0][2]
+    assert len({out for _, out, _ in results}) == 1
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"albedo": [1.2, 0.5]}, "albedo holds 1.2"),
+        ({"optical_thickness": [-0.1, 0.5]}, "optical_thickness holds -0.1"),
+        ({"substrate_reflectance": 85.0}, "substrate_reflectance holds 85.0"),
+        ({"refractive_index": 3.0}, "refractive_index holds 3.0"),
+        ({"refractive_index": np.array([1.5, 1.6])}, "must be one number"),
+        ({"cos_viewing": 0.0}, "cos_viewing holds 0.0"),
+        ({"step": 0.0}, "step is 0.0"),
+        ({"variant": "magic"}, "variant 'magic' is unknown"),
+        ({"albedo": [0.5, 0.5, 0.5]}, "3 layers .* 2"),
+        ({"optical_thickness": [1e6, 1.0], "step": 0.01}, f"thickness of 1e\\+06 at step 0.01.*{MOST_SEGMENTS}"),
+        ({"table": KernelTable(1.4, 0.01)}, "does not fit refractive_index 1.5"),
+        ({"table": KernelTable(1.5, 0.01), "variant": "direct"}, "a table is for"),
+    ],
+)
+def test_bad_input_says_what_and_how_to_mend(change, message):
+    given = {"albedo": [0.5, 0.5], "optical_thickness": [1.0, 1.0], "substrate_reflectance": 0.5} | change
+    with pytest.raises(ValueError, match=message) as error:
+        reflectance_factor(**given)
+    assert "\n" not in str(error.value)
+
+
+def test_a_traced_thickness_needs_a_table():
+    with pytest.raises(ValueError, match="table=KernelTable"):
+        jax.jit(lambda d: reflectance_factor([0.5], d, 0.5))(jnp.ones(1))
