@@ -26,6 +26,7 @@ def transposed(a: Float[Array, "*batch n m"]) -> Float[Array, "*batch m n"]:
     return jnp.swapaxes(a, -1, -2)
 
 
+@jax.named_scope("inverse")
 def inverse_positive(a: Float[Array, "*batch n n"]) -> Float[Array, "*batch n n"]:
     """Inverse of a symmetric positive definite matrix, by halves: Schur's complement of the upper left block."""
     n = a.shape[-1]

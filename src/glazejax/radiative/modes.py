@@ -136,7 +136,9 @@ def _from_table(albedo: Array, table: _Table) -> Array:
     piece = jnp.clip(jnp.floor(albedo * _PIECES), 0, _PIECES - 1)
     polynomials = _chebyshev(2.0 * (albedo * _PIECES - piece) - 1.0, table.terms)
     # One matrix product for all pieces: a product is not computed anew for each use, as fused arithmetic would be.
-    values = (polynomials @ jnp.asarray(table.coefficients, albedo.dtype)).reshape(*albedo.shape, _PIECES, -1)
+    each = table.coefficients.shape[1] // _PIECES
+    values = polynomials @ jnp.asarray(table.coefficients, albedo.dtype)
+    values = values.reshape(*albedo.shape, _PIECES, each)
     here = (piece[..., None] == np.arange(_PIECES)).astype(albedo.dtype)
     return jnp.sum(values * here[..., None], axis=-2)
 
@@ -186,6 +188,7 @@ def _implicit_jvp(primals, tangents):
 _implicit.defjvp(_implicit_jvp, symbolic_zeros=True)
 
 
+@jax.named_scope("modes")
 def layer_modes(
     albedo: Float[Array, "*batch"],
     cosines: Float[Array | np.ndarray, "*#batch n"],

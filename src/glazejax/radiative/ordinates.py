@@ -91,6 +91,7 @@ def order(count: int) -> Order:
     return Order(np.array(pairs + middle), np.array([False, True] * (count // 2) + [False] * (count % 2)))
 
 
+@jax.named_scope("assemble")
 def assemble(stack: Stack, resolution: Resolution) -> System:
     """The discretised problem of each stack."""
     n = stack.refractive_index
@@ -247,6 +248,7 @@ def _diagonal(values: Array) -> Array:
     return values[..., None] * jnp.eye(values.shape[-1], dtype=values.dtype)
 
 
+@jax.named_scope("eliminate")
 def solve(system: System, *, with_fields: bool) -> tuple[Array, Solution | None]:
     """Reflectance, and on request the fields.
 
