@@ -13,6 +13,7 @@ from .media import Glaze, Layer, Mixture, Pigment
 
 # The functions picture and reflectance come after their submodules of the same name are loaded, so that they stay.
 from .picture import picture
+from .radiative.profile import profile_hemispherical_reflectance, profile_reflectance_factor
 from .radiative.stack import stack_hemispherical_reflectance, stack_reflectance_factor
 from .reflectance import reflectance
 
@@ -32,6 +33,8 @@ __all__ = [
     "colour",
     "io",
     "picture",
+    "profile_hemispherical_reflectance",
+    "profile_reflectance_factor",
     "reflectance",
     "spectra",
     "stack_hemispherical_reflectance",

@@ -1,0 +1,99 @@
+"""Films that vary with depth: both methods against each other, and limits that are known."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from glazejax import (
+    profile_hemispherical_reflectance,
+    profile_reflectance_factor,
+    stack_hemispherical_reflectance,
+    stack_reflectance_factor,
+)
+
+DEPTH = 2e-5
+METHODS = ("ordinates", "auxiliary")
+
+
+def absorption(z):
+    return 1e4 * (1 + z / 1e-5)
+
+
+def scattering(z):
+    return 8e4 * jnp.exp(-z / 1e-5)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_constant_profile_is_a_homogeneous_layer(method):
+    k, s = np.array([[2e4], [0.0], [1e4]]), np.array([[5e4], [9e4], [0.0]])
+    given = {"cos_incidence": 0.7, "tolerance": 1e-4}
+    found = profile_reflectance_factor(k, s, DEPTH, 0.6, method=method, **given)
+    expected = stack_reflectance_factor(s / (k + s), (k + s) * DEPTH, 0.6, cos_incidence=0.7, tolerance=1e-7)
+    assert found.shape == (3,)
+    assert np.max(np.abs(found - expected)) < 1e-4
+
+
+def test_both_methods_and_many_slices_agree():
+    z = (np.arange(200) + 0.5) / 200 * DEPTH
+    k, s = absorption(z), np.asarray(scattering(z))
+    slices = stack_reflectance_factor(s / (k + s), (k + s) * DEPTH / 200, 0.6, tolerance=1e-7)
+    for method in METHODS:
+        found = profile_reflectance_factor(absorption, scattering, DEPTH, 0.6, method=method, tolerance=1e-5)
+        assert found == pytest.approx(float(slices), abs=2e-5), method
+
+
+def test_samples_agree_and_tend_to_two_layers():
+    # Linear between samples: a step over one interval of many is almost two layers.
+    k, s = [1e4] * 16 + [4e4] * 16, [9e4] * 16 + [1e4] * 16
+    found = profile_hemispherical_reflectance(k, s, DEPTH, 0.3, tolerance=1e-4)
+    two = stack_hemispherical_reflectance([0.9, 0.2], np.array([1e5, 5e4]) * DEPTH / 2, 0.3)
+    assert found == pytest.approx(float(two), abs=2e-3)
+    few = [
+        profile_reflectance_factor([1e4, 5e4, 2e4], [9e4, 1e4, 0.0], DEPTH, 0.3, method=m, tolerance=1e-4)
+        for m in METHODS
+    ]
+    assert few[0] == pytest.approx(float(few[1]), abs=2e-4)
+
+
+def test_no_thickness_is_a_bare_ground():
+    bare = stack_reflectance_factor([0.0], [0.0], 0.6)
+    for method in METHODS:
+        found = profile_reflectance_factor([1e4, 2e4], [0.0, 3e4], 0.0, 0.6, method=method, tolerance=1e-4)
+        assert found == pytest.approx(float(bare), abs=1e-4)
+
+
+def test_gradients_under_jit():
+    def f(k, d):
+        return profile_reflectance_factor(k, [9e4, 1e4, 2e4], d, 0.6, tolerance=1e-4)
+
+    k = jnp.array([1e4, 2e4, 4e4])
+    by_k, by_d = jax.jit(jax.grad(f, (0, 1)))(k, DEPTH)
+    for i in range(3):
+        moved = [float(f(k.at[i].add(h), DEPTH)) for h in (-50.0, 50.0)]
+        assert by_k[i] == pytest.approx((moved[1] - moved[0]) / 100, rel=1e-3)
+    moved = [float(f(k, DEPTH + h)) for h in (-2e-8, 2e-8)]
+    assert by_d == pytest.approx((moved[1] - moved[0]) / 4e-8, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"absorption": [1e4, -1.0]}, "absorption holds -1.0"),
+        ({"scattering": lambda z: -z - 1.0}, "scattering holds -1"),
+        ({"absorption": 1e4}, "single number"),
+        ({"absorption": []}, "no values"),
+        ({"absorption": [1.0, 2.0, 3.0]}, "3 depths .* 2"),
+        ({"thickness": -1e-6}, "thickness holds -1e-06"),
+        ({"scattering": lambda z: jnp.zeros(4)}, "returned shape"),
+        ({"substrate_reflectance": 60.0}, "substrate_reflectance holds 60.0"),
+        ({"thickness": [1e-6, 2e-6], "substrate_reflectance": [0.1] * 3}, "do not broadcast"),
+        ({"method": "magic"}, "method 'magic' is unknown"),
+        ({"tolerance": 0.0}, "tolerance is 0"),
+    ],
+)
+def test_bad_input_says_what_and_how_to_mend(change, message):
+    given = {"absorption": [1e4, 2e4], "scattering": [1e4, 2e4], "thickness": 1e-5, "substrate_reflectance": 0.5}
+    with pytest.raises(ValueError, match=message) as error:
+        profile_reflectance_factor(**(given | change))
+    assert "\n" not in str(error.value)
