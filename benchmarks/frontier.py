@@ -67,7 +67,7 @@ def measure(curves: Iterable[Curve], truth: dict[float, np.ndarray], say: Result
             found.append((curve, setting, float(np.max(np.abs(value / truth[curve.refractive_index] - 1)))))
     if without_blas_threads() is None:
         say("threadpoolctl is not installed: BLAS keeps its threads, which slows the peers down")
-    seconds = interleaved(programs, 40, budget=0.3, rewarm=True)
+    seconds = interleaved(programs, 40, budget=0.2, rewarm=True)
     return [Row(*point, seconds[str(i)], seconds.get(f"{i} gpu")) for i, point in enumerate(found)]
 
 
@@ -136,7 +136,7 @@ def headlines(rows: Sequence[Row], say: Results) -> None:
             say(f"{what:<58} {where:<10} {'-':>8}  <= {target:<7g} not measured: one side does not reach this error")
         else:
             verdict = "met" if ratio <= target else "missed"
-            say(f"{what:<58} {where:<10} {ratio:8.2g}  <= {target:<7g} {verdict:<8}{also}".rstrip())
+            say(f"{what:<58} {where:<10} {ratio:8.3g}  <= {target:<7g} {verdict:<8}{also}".rstrip())
 
     def against(ours_name: str, peer: str, what: str, target: float) -> None:
         for error in (1e-4, 1e-8):

@@ -59,32 +59,47 @@ def _draw(axes, curves: dict) -> None:
     axes.grid(True, which="major", color="0.9", linewidth=0.8)
     axes.spines[["top", "right"]].set_visible(False)
     left, right = axes.get_xlim()
-    axes.set_xlim(left, right / 3e3)  # room for the names
+    axes.set_xlim(left, right / 5e2)  # room for the names
 
 
 def _name(axes, curves: dict) -> None:
-    """Write each name beside its curve's last point, moved up where it would touch a name or a marker."""
-    height = 12.0  # points from one name to the next
-    scale = axes.figure.dpi / 72
-    ends = [(*points[-1], name, style) for name, (style, points) in curves.items()]
-    markers = np.array([(error, 1e3 * seconds) for _, points in curves.values() for error, seconds in points])
-    markers = axes.transData.transform(markers) / scale
-    placed: list[tuple[float, float]] = []
-    for error, seconds, name, style in sorted(ends, key=lambda end: end[1]):
-        x, y = start = axes.transData.transform((error, 1e3 * seconds)) / scale
-        width = 5.6 * len(name)
+    """Write each name near its curve's last point, or else its first, where it covers no curve and no other name."""
+    scale = axes.figure.dpi / 72  # everything below in points
+    paths = {
+        name: axes.transData.transform([(error, 1e3 * seconds) for error, seconds in points]) / scale
+        for name, (_, points) in curves.items()
+    }
+    between = np.linspace(0, 1, 20)[:, None, None]
+    lines = np.concatenate(
+        [(path[:-1] + between * np.diff(path, axis=0)).reshape(-1, 2) for path in paths.values() if len(path) > 1]
+    )
+    boxes: list[tuple[float, float, float, float]] = []
 
-        def touches(y: float, x: float = x, width: float = width) -> bool:
-            covered = (markers[:, 0] > x + 4) & (markers[:, 0] < x + 8 + width) & (np.abs(markers[:, 1] - y) < 8)
-            return bool(covered.any()) or any(abs(y - b) < height and abs(x - a) < width for a, b in placed)
+    def covered(box: tuple[float, float, float, float]) -> int:
+        left, right, low, high = box
+        x, y = lines.T
+        names = sum(left < b[1] and b[0] < right and low < b[3] and b[2] < high for b in boxes)
+        return int(np.sum((x > left) & (x < right) & (y > low) & (y < high))) + 100 * names
 
-        while touches(y):
-            y += 1.0
-        placed.append((x, y))
+    for name, (style, points) in sorted(curves.items(), key=lambda item: item[1][1][-1][1]):
+        width = (5.6 if style.thick else 5.1) * len(name)
+        places = [
+            (points[-1], paths[name][-1], aside, shift) for aside in (8.0, 16.0) for shift in (0, 4, -4, 8, -8, -12)
+        ]
+        places += [(points[-1], paths[name][-1], -0.5 * width, shift) for shift in (12, -12, 16, -16)]
+        places += [(points[0], paths[name][0], aside, shift) for aside in (-4.0, -18.0) for shift in (12, -12)]
+        places += [(points[-1], paths[name][-1], 8.0, shift) for shift in range(12, 60, 4)]
+
+        def box(place: tuple, width: float = width) -> tuple[float, float, float, float]:
+            _, (x, y), right, up = place
+            return x + right - 3.0, x + right + width, y + up - 6.0, y + up + 6.0
+
+        (error, seconds), _, right, up = best = min(places, key=lambda place: covered(box(place)) + 0.1 * abs(place[3]))
+        boxes.append(box(best))
         axes.annotate(
             name,
             (error, 1e3 * seconds),
-            xytext=(8, y - start[1]),
+            xytext=(right, up),
             textcoords="offset points",
             va="center",
             fontsize=9,
