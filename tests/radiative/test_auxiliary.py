@@ -14,6 +14,7 @@ import pytest
 from glazejax import stack_reflectance_factor
 from glazejax.radiative import auxiliary
 from glazejax.radiative.auxiliary import reflectance_factor, split_reflectance_factor
+from glazejax.radiative.auxiliary_uniform import Options, solve
 from glazejax.radiative.fresnel import cos_refracted
 from glazejax.radiative.kernel_table import MOST_SEGMENTS, KernelTable
 
@@ -205,18 +206,16 @@ def test_gradients():
 
 
 def test_gradients_of_own_steps():
-    for variant in ("decomposed", "direct"):
+    def total(q, g):
+        return reflectance_factor(q, THICKNESS[:2], g, step=0.16, variant="decomposed", corrected=False).sum()
 
-        def total(q, g, variant=variant):
-            return reflectance_factor(q, THICKNESS[:2], g, step=0.08, variant=variant, corrected=False).sum()
-
-        q, g = jnp.asarray(ALBEDO[:2]), jnp.asarray([0.7, 0.9])
-        by_albedo, by_ground = jax.grad(total, argnums=(0, 1))(q, g)
-        h = 1e-5
-        difference = (total(q.at[0, 0].add(h), g) - total(q.at[0, 0].add(-h), g)) / (2 * h)
-        assert np.isclose(difference, by_albedo[0, 0], rtol=1e-6)
-        difference = (total(q, g + h) - total(q, g - h)) / (2 * h)
-        assert np.isclose(difference, by_ground.sum(), rtol=1e-6)
+    q, g = jnp.asarray(ALBEDO[:2]), jnp.asarray([0.7, 0.9])
+    by_albedo, by_ground = jax.grad(total, argnums=(0, 1))(q, g)
+    h = 1e-5
+    difference = (total(q.at[0, 0].add(h), g) - total(q.at[0, 0].add(-h), g)) / (2 * h)
+    assert np.isclose(difference, by_albedo[0, 0], rtol=1e-6)
+    difference = (total(q, g + h) - total(q, g - h)) / (2 * h)
+    assert np.isclose(difference, by_ground.sum(), rtol=1e-6)
 
 
 def test_a_table_serves_jit_and_vmap():
@@ -254,8 +253,8 @@ def test_own_steps_compile_without_lapack():
         }
     )
     for variant in ("direct", "decomposed"):
-        options = auxiliary._Options(variant, True, 1.5, 0.08, 8)
-        text = auxiliary._run.lower(batch, jnp.full(1, 8), (), options).compile().as_text()
+        options = Options(variant, True, 1.5, 0.08, 8)
+        text = solve.lower(batch, jnp.full(1, 8), (), options).compile().as_text()
         assert text is not None
         assert "lapack" not in "".join(re.findall(r"custom_call_target=\"[^\"]*\"", text)).lower()
 
@@ -285,8 +284,8 @@ jax.config.update("jax_enable_x64", True)
 import jax.numpy as jnp, numpy as np
 from glazejax.radiative.auxiliary import reflectance_factor
 rng = np.random.default_rng(0)
-q, d = (jnp.asarray(rng.uniform(0, high, (400, 3))) for high in (1, 1))
-for settings in ({}, {"corrected": False}, {"variant": "decomposed"}):
+q, d = (jnp.asarray(rng.uniform(0, high, (100, 3))) for high in (1, 1))
+for settings in ({}, {"variant": "decomposed", "corrected": False}):
     f = lambda q: reflectance_factor(q, d, 0.8, step=0.1, **settings).sum()
     value, slope = jax.value_and_grad(f)(q)
     assert bool(jnp.all(jnp.isfinite(slope)))
@@ -296,15 +295,17 @@ for settings in ({}, {"corrected": False}, {"variant": "decomposed"}):
 
 @pytest.mark.slow
 def test_fresh_processes_finish(tmp_path):
-    environment = os.environ | {"JAX_COMPILATION_CACHE_DIR": str(tmp_path)}
+    cache = {"JAX_COMPILATION_CACHE_DIR": str(tmp_path), "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0"}
 
     def run(_):
         command = [sys.executable, "-c", _BULK]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=240, env=environment)
+        done = subprocess.run(command, capture_output=True, text=True, timeout=240, env=os.environ | cache)
         return done.returncode, done.stdout, done.stderr
 
+    # The first process compiles for all; what may hang is running.
+    results = [run(0)]
     with ThreadPoolExecutor(2) as pool:
-        results = list(pool.map(run, range(6)))
+        results += pool.map(run, range(7))
     assert all(code == 0 for code, _, _ in results), results[0][2]
     assert len({out for _, out, _ in results}) == 1
 

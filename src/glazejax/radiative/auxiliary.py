@@ -23,7 +23,7 @@ that is a Toeplitz and a Hankel matrix for all stacks, and only the few rows of 
 
 import functools
 from collections import OrderedDict
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, get_args
 
 import jax
 import jax.numpy as jnp
@@ -31,47 +31,21 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from glazejax.radiative import assembly, stack
-from glazejax.radiative.contraction import solve_contraction
-from glazejax.radiative.exponential_integrals import expn, internal_reflection_integral
-from glazejax.radiative.fresnel import cos_refracted, dielectric_reflectance
+from glazejax.radiative import stack
+from glazejax.radiative.auxiliary_uniform import Batch, Options, Variant, solve
 from glazejax.radiative.kernel_table import MOST_SEGMENTS, KernelTable
-from glazejax.radiative.kernels import decay_integral
-from glazejax.radiative.segments import Segments, append_axes
+from glazejax.radiative.segments import append_axes
 from glazejax.radiative.split import Split
-
-Variant = Literal["direct", "decomposed", "fixed_step"]
-"""How the matrix comes about."""
 
 # Stacks are gathered by number of segments where that saves so many matrix elements (stacks x Q^2): by a fixed step,
 # where all share one matrix and a call costs the more, and by steps of their own.
-_WORTH_A_BUCKET = {"fixed_step": 2**20, "decomposed": 2**15, "direct": 2**15}
+_WORTH_A_BUCKET = {"fixed_step": 2**18, "decomposed": 2**15, "direct": 2**15}
 # Elements of one vector over all stacks of a call.
 _CHUNK_ELEMENTS = 2**20
 # From so many segments on, stacks with steps of their own are called one by one: one program serves any number of them.
 _ALONE = 64
 _KEPT_TABLES = 8
 _kept: OrderedDict[tuple[float, float], KernelTable] = OrderedDict()
-
-
-class _Options(NamedTuple):
-    """What is fixed when the program is compiled."""
-
-    variant: Variant
-    corrected: bool
-    refractive_index: float
-    step: float
-    most: int
-
-
-class _Batch(NamedTuple):
-    """Stacks, first axis; cosines have axes of angles behind it, each of length one where they do not vary."""
-
-    albedo: Float[Array, "stacks layers"]
-    thickness: Float[Array, "stacks layers"]
-    ground: Float[Array, "stacks"]
-    cos_incidence: Float[Array, "stacks *angles"]
-    cos_viewing: Float[Array, "stacks *angles"]
 
 
 def reflectance_factor(albedo, optical_thickness, substrate_reflectance, **settings) -> Float[Array, "*batch"]:
@@ -143,7 +117,7 @@ def split_reflectance_factor(
     given |= {"cos_incidence": cos_incidence, "cos_viewing": cos_viewing}
     _check(given, refractive_index, step, variant)
     batch, restore = _flatten(given)
-    options = _Options(variant, bool(corrected), float(refractive_index), float(step), 0)
+    options = Options(variant, bool(corrected), float(refractive_index), float(step), 0)
     thickness = stack._concrete(batch.thickness)
     if thickness is None:
         return restore(_traced(batch, options, table))
@@ -166,16 +140,19 @@ def split_reflectance_factor(
             size = min(chunk, 1 << (some.size - 1).bit_length())
             filled = np.concatenate([some, np.repeat(some[:1], size - some.size)])
             piece = jax.tree.map(lambda leaf, index=filled: leaf[index], batch)
-            run = _run(piece, jnp.asarray(count[filled]), vectors(most), options._replace(most=most))
-            parts.append(jax.tree.map(lambda leaf, size=some.size: leaf[:size], run))
+            parts.append(solve(piece, count[filled], vectors(most), options._replace(most=most)))
             order.append(some)
     if not parts:
         shape = (0, *jnp.broadcast_shapes(batch.cos_incidence.shape[1:], batch.cos_viewing.shape[1:]))
         return restore(Split(*(jnp.zeros(shape, batch.albedo.dtype),) * 3))
-    if len(parts) == 1:
-        return restore(parts[0])
     back = np.argsort(np.concatenate(order), kind="stable")
-    return restore(jax.tree.map(lambda *leaves: jnp.concatenate(leaves)[back], *parts))
+    xp = jnp if any(isinstance(leaf, Tracer) for leaf in parts[0]) else np
+
+    def together(*leaves: Any) -> Array:
+        cut = [xp.asarray(leaf)[: rows.size] for leaf, rows in zip(leaves, order, strict=True)]
+        return jnp.asarray(xp.concatenate(cut)[back] if len(cut) > 1 else cut[0])
+
+    return restore(jax.tree.map(together, *parts))
 
 
 def _check(given: dict[str, Any], refractive_index: float, step: float, variant: str) -> None:
@@ -194,8 +171,10 @@ def _check(given: dict[str, Any], refractive_index: float, step: float, variant:
 
 def _flatten(given: dict[str, Any]):
     """One axis of stacks, then axes of angles; and the function that gives a result its shape back."""
+    # Known arrays are gathered and cut by NumPy, which starts far faster.
+    xp = jnp if any(isinstance(value, Tracer) for value in given.values()) else np
     dtype = jnp.result_type(float)
-    arrays = {name: jnp.asarray(value, dtype) for name, value in given.items()}
+    arrays = {name: xp.asarray(value, dtype) for name, value in given.items()}
     albedo, thickness = arrays["albedo"], arrays["optical_thickness"]
     if albedo.ndim == 0 or thickness.ndim == 0:
         raise ValueError("albedo and optical_thickness need a last axis of layers; a single layer is [q]")
@@ -203,7 +182,7 @@ def _flatten(given: dict[str, Any]):
     if layers[0] != layers[1] and 1 not in layers:
         raise ValueError(f"albedo has {layers[0]} layers (last axis) but optical_thickness has {layers[1]}")
     if 0 in layers:  # A bare ground is the ground under an empty layer.
-        albedo, thickness = (jnp.zeros((*array.shape[:-1], 1), dtype) for array in (albedo, thickness))
+        albedo, thickness = (xp.zeros((*array.shape[:-1], 1), dtype) for array in (albedo, thickness))
     layers = max(albedo.shape[-1], thickness.shape[-1])
     shapes = {"albedo": albedo.shape[:-1], "optical_thickness": thickness.shape[:-1]}
     shapes |= {name: array.shape for name, array in arrays.items() if name not in shapes}
@@ -218,19 +197,19 @@ def _flatten(given: dict[str, Any]):
     others = [axis for axis in range(len(full)) if axis not in angular]
     size = int(np.prod([full[axis] for axis in others]))
 
-    def of_matter(array: Array) -> Array:
-        return jnp.broadcast_to(array, matter).reshape(size)
+    def of_matter(array: Any) -> Any:
+        return xp.broadcast_to(array, matter).reshape(size)
 
-    def of_layers(array: Array) -> Array:
-        return jnp.broadcast_to(array, (*matter, layers)).reshape(size, layers)
+    def of_layers(array: Any) -> Any:
+        return xp.broadcast_to(array, (*matter, layers)).reshape(size, layers)
 
-    def of_angles(array: Array) -> Array:
+    def of_angles(array: Any) -> Any:
         array = array.reshape((1,) * (len(full) - array.ndim) + array.shape)
         wanted = [array.shape[axis] if axis in angular else full[axis] for axis in range(len(full))]
-        array = jnp.broadcast_to(array, wanted).transpose(*others, *angular)
+        array = xp.broadcast_to(array, wanted).transpose(*others, *angular)
         return array.reshape(size, *array.shape[len(others) :])
 
-    batch = _Batch(
+    batch = Batch(
         of_layers(albedo),
         of_layers(thickness),
         of_matter(arrays["substrate_reflectance"]),
@@ -248,7 +227,7 @@ def _flatten(given: dict[str, Any]):
     return batch, restore
 
 
-def _segments(depth, options: _Options):
+def _segments(depth, options: Options):
     """How many segments stacks of this optical thickness get; for numpy and JAX arrays."""
     xp = jnp if isinstance(depth, jax.Array) else np
     count = xp.round(depth / options.step)
@@ -281,7 +260,7 @@ def _rounded_up(count: int) -> int:
     return size * 3 // 4 if size > 2 and count <= size * 3 // 4 else size
 
 
-def _table(table: KernelTable | None, options: _Options, most: int) -> KernelTable | None:
+def _table(table: KernelTable | None, options: Options, most: int) -> KernelTable | None:
     """The table to use, long enough; None where stacks have steps of their own."""
     if options.variant != "fixed_step":
         if table is not None:
@@ -299,7 +278,7 @@ def _table(table: KernelTable | None, options: _Options, most: int) -> KernelTab
     return table
 
 
-def _vectors(table: KernelTable | None, options: _Options):
+def _vectors(table: KernelTable | None, options: Options):
     """What the compiled program needs of the table: a function of the number of segments."""
     if table is None:
         return lambda most: ()
@@ -314,7 +293,7 @@ def _vectors(table: KernelTable | None, options: _Options):
     return printed
 
 
-def _traced(batch: _Batch, options: _Options, table: KernelTable | None) -> Split:
+def _traced(batch: Batch, options: Options, table: KernelTable | None) -> Split:
     """Under `jax.jit`: as many segments as the table given has."""
     if options.variant != "fixed_step" or table is None or table.segments == 0:
         raise ValueError(
@@ -323,199 +302,5 @@ def _traced(batch: _Batch, options: _Options, table: KernelTable | None) -> Spli
         )
     most = table.segments
     count = _segments(jax.lax.stop_gradient(jnp.sum(batch.thickness, axis=1)), options)
-    split = _run(batch, jnp.minimum(count, most), _vectors(table, options)(most), options._replace(most=most))
+    split = solve(batch, jnp.minimum(count, most), _vectors(table, options)(most), options._replace(most=most))
     return jax.tree.map(lambda leaf: jnp.where(append_axes(jnp.asarray(count > most), leaf), jnp.nan, leaf), split)
-
-
-@functools.partial(jax.jit, static_argnums=3)
-def _run(batch: _Batch, count: Array, vectors: tuple, options: _Options) -> Split:
-    vectors = jax.tree.map(lambda v: jnp.asarray(v, batch.albedo.dtype), vectors)
-    if options.variant == "fixed_step" and options.corrected:
-        return _galerkin(batch, count, vectors, options)
-    if options.variant == "fixed_step":
-        return _collocation(batch, count, vectors, options)
-
-    def one(stack_and_count: tuple[_Batch, Array]) -> Split:
-        alone, its_count = jax.tree.map(lambda leaf: leaf[None], stack_and_count)
-        return jax.tree.map(lambda leaf: leaf[0], _collocation(alone, its_count, vectors, options))
-
-    # One after the other: a stack's own matrix then stays in the cache through assembly and solution.
-    return jax.lax.map(one, (batch, count))
-
-
-class _Beam(NamedTuple):
-    """A direction (stacks, *angles): its cosine inside, the transmittance of the surface, and exp(-h/mu)."""
-
-    cosine: Array
-    transmittance: Array
-    decay: Array
-
-    @classmethod
-    def make(cls, cos_air: Array, index: float, depth: Array) -> "_Beam":
-        cosine = cos_refracted(cos_air, index)
-        return cls(cosine, 1.0 - dielectric_reflectance(cos_air, index), jnp.exp(-append_axes(depth, cosine) / cosine))
-
-    def antiderivative(self, depth: Array) -> Array:
-        """Of exp(-s/mu) at depths (k, stacks), (k, stacks, *angles)."""
-        s = append_axes(depth, self.cosine[None])
-        return -self.cosine * jnp.exp(-s / self.cosine)
-
-
-def _galerkin(batch: _Batch, count: Array, vectors: tuple, options: _Options) -> Split:
-    """Fixed step, corrected; see the module."""
-    segments = Segments.make(batch.albedo.T, batch.thickness.T, options.step, count, options.most)
-    edges, faces = segments.edges, segments.faces
-    depth = faces[-1]
-
-    depths = jnp.concatenate([edges, faces])
-
-    def kernel(face: Array) -> Array:
-        reflected = internal_reflection_integral(2, face + depths, options.refractive_index)
-        # Not abs, whose slope at zero is neither side's: a face on an edge is in the segment below it.
-        return reflected - expn(3, jnp.where(face >= depths, face - depths, depths - face))
-
-    # (layers, n + layers, stacks)
-    to_all = assembly.computed_once(lambda: jax.lax.map(kernel, faces), 1.0 + depth)
-    to_faces, among_faces = to_all[:, : options.most], to_all[:, options.most :]
-    among_edges = assembly.toeplitz_plus_hankel(-vectors[0], vectors[1])
-
-    def apply(t: Array) -> Array:
-        at_edges, at_faces = segments.jumps(t)
-        field_edges = jnp.matmul(among_edges, at_edges.reshape(options.most, -1), precision="highest").reshape(t.shape)
-        field_edges += jnp.sum(to_faces[..., None] * at_faces[:, None], axis=0)
-        field_faces = jnp.sum(to_faces[..., None] * at_edges, axis=1)
-        field_faces += jnp.sum(among_faces[..., None] * at_faces, axis=1)
-        return segments.doubled[..., None] * t - 0.5 * segments.average(field_edges, field_faces)
-
-    incident = _Beam.make(batch.cos_incidence, options.refractive_index, depth)
-    viewing = _Beam.make(batch.cos_viewing, options.refractive_index, depth)
-    into, out = ((beam.antiderivative(edges), beam.antiderivative(faces)) for beam in (incident, viewing))
-    strength = incident.transmittance / (2.0 * jnp.pi * incident.cosine)
-    # M, the light that an evenly bright ground sends: the kernel's column at the ground.
-    scattered, from_ground = _solve(
-        apply, segments.scattering, strength * segments.average(*into), -segments.average(to_faces[-1], among_faces[-1])
-    )
-    seen = segments.integrate(*out)
-
-    def to_ground(beam: _Beam, sources: Array) -> Array:
-        """mu exp(-h/mu) and what is scattered towards the ground after; of the viewing beam, the reverse."""
-        return beam.cosine * beam.decay + 0.5 * jnp.sum(append_axes(from_ground, sources) * sources, axis=0)
-
-    back = jnp.sum(-segments.integrate(to_faces[-1], among_faces[-1]) * from_ground, axis=0)
-    k = 2.0 * among_faces[-1, -1] + 1.0  # 2 J_2(2h): the kernel there is J_2(2h) - E_3(0)
-    lost = append_axes(1.0 - batch.ground * (k + back), incident.cosine)
-    arriving = 2.0 * jnp.pi * strength * to_ground(incident, segments.integrate(*into)) / lost  # B
-    leaving = append_axes(batch.ground, arriving) / jnp.pi * arriving
-    single = strength * _scattered_once(batch, incident, viewing)
-    multiple = jnp.sum(seen * scattered, axis=0) + leaving * jnp.sum(seen * append_axes(from_ground, seen), axis=0)
-    return _seen(viewing, options.refractive_index, leaving, single, 0.5 * multiple)
-
-
-def _collocation(batch: _Batch, count: Array, vectors: tuple, options: _Options) -> Split:
-    """Eqs (23)-(34): midpoints; each stack's own step, or the fixed one as printed."""
-    index = options.refractive_index
-    depth = jnp.sum(batch.thickness, axis=1)
-    present = depth > 0
-    held = jnp.where(present, count, 0)  # Q
-    if options.variant == "fixed_step":
-        step = jnp.full_like(depth, options.step)
-        depth = held * step
-        matrix, *rest = vectors
-        matrix = assembly.toeplitz_plus_hankel(matrix, rest.pop(0))
-        m, m_integrated, k = _tabulated_ground(rest, held, options.most)
-    else:
-        step = jnp.where(present, depth / count, options.step)
-        assemble = assembly.direct if options.variant == "direct" else assembly.decomposed
-        matrix, m, m_integrated, k = assemble(step, held, options.most, index)
-    incident, viewing = (_Beam.make(c, index, depth) for c in (batch.cos_incidence, batch.cos_viewing))
-    strength = incident.transmittance / (2.0 * jnp.pi * incident.cosine)
-    edges = jnp.arange(options.most + 1)[:, None] * step
-    if options.corrected:
-        segments = Segments.make(batch.albedo.T, batch.thickness.T, step, count, options.most)
-        albedo = jnp.where(present, segments.scattering / step, 0.0)
-
-        def weighted(beam: _Beam) -> Array:
-            return segments.integrate(beam.antiderivative(segments.edges), beam.antiderivative(segments.faces))
-
-        seen = weighted(viewing)
-        source = strength * weighted(incident) / append_axes(step, incident.cosine)
-        single = strength * _scattered_once(batch, incident, viewing)
-    else:
-        middle = edges[:-1] + 0.5 * step
-        layer = jnp.sum(jnp.cumsum(batch.thickness, axis=1).T[:-1, None] <= middle, axis=0)
-        albedo = jnp.take_along_axis(batch.albedo.T, layer, axis=0)
-        albedo = jnp.where(jnp.arange(options.most)[:, None] < held, albedo, 0.0)
-        seen = viewing.antiderivative(edges)
-        seen = append_axes(albedo, seen) * (seen[1:] - seen[:-1])
-        g = strength * jnp.exp(-append_axes(middle, incident.cosine[None]) / incident.cosine)
-        source = append_axes(albedo, g) * g
-        single = 0.5 * jnp.sum(seen * g, axis=0)
-
-    def scatter(q_t: Array) -> Array:
-        """1/2 (H + U) of a source (n, stacks, cases)."""
-        if matrix.ndim == 2:
-            product = jnp.matmul(matrix, q_t.reshape(options.most, -1), precision="highest").reshape(q_t.shape)
-        else:
-            product = _rows_times(q_t[:, 0].T, matrix[0]).T[:, None]
-        return 0.5 * product
-
-    scattered, from_ground = _solve(
-        lambda f: scatter(albedo[..., None] * f), albedo, source, m, first=scatter(_cases(source))
-    )
-    reaching = jnp.sum(append_axes(m_integrated, source) * (source + append_axes(albedo, source) * scattered), axis=0)
-    back = jnp.sum(m_integrated * albedo * from_ground, axis=0)
-    lost = append_axes(1.0 - batch.ground * (k + back), incident.cosine)
-    arriving = (incident.transmittance * incident.decay + jnp.pi * reaching) / lost  # B, eq. (34)
-    leaving = append_axes(batch.ground, arriving) / jnp.pi * arriving
-    multiple = jnp.sum(seen * scattered, axis=0) + leaving * jnp.sum(seen * append_axes(from_ground, seen), axis=0)
-    return _seen(viewing, index, leaving, single, 0.5 * multiple)
-
-
-def _solve(apply, weight: Array, source: Array, ground: Array, first: Array | None = None) -> tuple[Array, Array]:
-    """Auxiliary function of the beam's light (n, stacks, *angles) and of an evenly bright ground's (n, stacks).
-
-    Both without the ground's further reflections, which are a number for each stack.
-    """
-    beam = apply(_cases(source)) if first is None else first
-    both = solve_contraction(apply, weight[..., None], jnp.concatenate([beam, ground[..., None]], axis=-1))
-    return both[..., :-1].reshape(source.shape), both[..., -1]
-
-
-def _rows_times(rows: Array, matrix: Array) -> Array:
-    """rows @ matrix; a few rows one by one, which XLA does several times faster on the CPU than together."""
-    if rows.shape[0] > 3:
-        return jnp.matmul(rows, matrix, precision="highest")
-    return jnp.stack([jnp.matmul(row, matrix, precision="highest") for row in rows])
-
-
-def _cases(array: Array) -> Array:
-    """(n, stacks, *angles) as (n, stacks, cases)."""
-    return array.reshape(*array.shape[:2], -1)
-
-
-def _tabulated_ground(tables: list[Array], count: Array, most: int) -> tuple[Array, Array, Array]:
-    """M, M' and K by the table: h is a multiple of the step, so that all depths in them are, too."""
-    e2, j1, e3, j2 = tables
-    i = jnp.arange(most)[:, None]
-    above = jnp.maximum(count - 1 - i, 0)
-    m = e2[above] + j1[count + i]
-    return m, e3[above] - e3[above + 1] + j2[count + i] - j2[count + i + 1], 2.0 * j2[2 * count]
-
-
-def _scattered_once(batch: _Batch, incident: _Beam, viewing: _Beam) -> Array:
-    """1/2 int q exp(-s/mu_0) exp(-s/mu) ds, exact."""
-    rate = 1.0 / incident.cosine + 1.0 / viewing.cosine
-    top = jnp.cumsum(batch.thickness, axis=1) - batch.thickness
-    total = jnp.zeros_like(rate)
-    for layer in range(batch.albedo.shape[1]):
-        q, above, d = (append_axes(a[:, layer], rate) for a in (batch.albedo, top, batch.thickness))
-        total += q * jnp.exp(-above * rate) * decay_integral(rate, d)
-    return 0.5 * total
-
-
-def _seen(viewing: _Beam, index: float, leaving: Array, single: Array, multiple: Array) -> Split:
-    """Radiance below the surface, by eq. (32), as parts of the reflectance factor."""
-    factor = jnp.pi / index**2 * viewing.transmittance / viewing.cosine
-    parts = (leaving * viewing.cosine * viewing.decay, single, multiple)
-    shape = jnp.broadcast_shapes(*(part.shape for part in parts))
-    return Split(*(jnp.broadcast_to(factor * part, shape) for part in parts))
