@@ -175,10 +175,6 @@ def _surface(refractive_index: Any, like: Array) -> _Surface:
     return _Surface(jnp.broadcast_to(mu, shape), share[:, None] * weights * r, critical, share)
 
 
-# Nearer to one the slope by the index is that taken here; it changes by some 2 % at most.
-_LEAST_SLOPING_INDEX = 1.0 + 1e-4
-
-
 class _Row(NamedTuple):
     tolerance: float
     nodes: int
@@ -310,14 +306,3 @@ def reflectance_and_gradient(stack: Stack, mesh: Mesh, wanted: tuple[str, ...]) 
 
     value, pull_back = jax.vjp(stationary, {name: getattr(stack, name) for name in wanted})
     return value, pull_back(jnp.ones_like(value))[0]
-
-
-def slope_by_index(stack: Stack, mesh: Mesh, slope: Array) -> Array:
-    """The given d reflectance / d index, but that just above one where an index is one, or almost."""
-
-    def above() -> Array:
-        lifted = jnp.maximum(stack.refractive_index, _LEAST_SLOPING_INDEX)
-        moved = stack._replace(refractive_index=lifted)
-        return reflectance_and_gradient(moved, mesh, ("refractive_index",))[1]["refractive_index"]
-
-    return jax.lax.cond(jnp.any(stack.refractive_index < _LEAST_SLOPING_INDEX), above, lambda: slope)

@@ -26,6 +26,9 @@ Method = Literal["ordinates", "auxiliary"]
 INDEX_RANGE = (1.0, 2.5)
 """Refractive indices the directions were calibrated for."""
 
+LEAST_SLOPING_INDEX = 1.0 + 1e-4
+"""Nearer to one a slope by the index drowns in the quadrature's error; from here on it changes by some 2 %."""
+
 # Bytes of one chunk's matrices: they should stay in a core's second-level cache.
 _CHUNK_BYTES = 2**20
 # The auxiliary method's matrices are too large for that: enough for a few stacks.
@@ -37,19 +40,13 @@ class _Solver(NamedTuple):
 
     reflectance: Callable
     reflectance_and_gradient: Callable
-    slope_by_index: Callable  # for an index of (almost) one
     split: Callable
 
 
 _SOLVERS = {
-    "ordinates": _Solver(
-        ordinates.reflectance, sensitivity.reflectance_and_gradient, sensitivity.slope_by_index, sensitivity.split
-    ),
+    "ordinates": _Solver(ordinates.reflectance, sensitivity.reflectance_and_gradient, sensitivity.split),
     "auxiliary": _Solver(
-        auxiliary_graded.reflectance,
-        auxiliary_graded.reflectance_and_gradient,
-        auxiliary_graded.slope_by_index,
-        auxiliary_graded.split,
+        auxiliary_graded.reflectance, auxiliary_graded.reflectance_and_gradient, auxiliary_graded.split
     ),
 }
 
@@ -301,7 +298,7 @@ def _prepare(inputs: _Inputs, tolerance: float, method: str) -> tuple[Stack, _Op
         high = 1.001  # an array may be differentiated by, and slopes at one are those just above it
     floor = 1e-5 if dtype == jnp.float32 else 0.0
     resolution, chunk = _resolve(inputs, method, max(tolerance, floor), (low, high), count, dtype.itemsize)
-    near_one = low < sensitivity.LEAST_SLOPING_INDEX
+    near_one = low < LEAST_SLOPING_INDEX
     options = _Options(method, resolution, fixed, chunk, near_one)
     stack = Stack(
         flat_layers(albedo),
@@ -360,13 +357,7 @@ def _reflectance_jvp(options: _Options, primals, tangents):
     }
 
     def one(chunk: Stack) -> tuple[Array, dict[str, Array]]:
-        chunk = _with_index(chunk, options)
-        solver = _SOLVERS[options.method]
-        value, slopes = solver.reflectance_and_gradient(chunk, options.resolution, tuple(changes))
-        if "refractive_index" in slopes and options.near_one:
-            by_index = solver.slope_by_index(chunk, options.resolution, slopes["refractive_index"])
-            slopes = slopes | {"refractive_index": by_index}
-        return value, slopes
+        return _with_gradient(_with_index(chunk, options), options, tuple(changes))
 
     value, gradient = _in_chunks(one, stack, options.chunk)
     tangent = jnp.zeros_like(value)
@@ -376,6 +367,25 @@ def _reflectance_jvp(options: _Options, primals, tangents):
 
 
 _reflectance.defjvp(_reflectance_jvp, symbolic_zeros=True)
+
+
+def _with_gradient(stack: Stack, options: _Options, wanted: tuple[str, ...]) -> tuple[Array, dict[str, Array]]:
+    """Reflectance and gradient; slopes by an index of (almost) one are those a little above it."""
+    solve = functools.partial(_SOLVERS[options.method].reflectance_and_gradient, wanted=wanted)
+    if "refractive_index" not in wanted or not options.near_one:
+        return solve(stack, options.resolution)
+    near = stack.refractive_index < LEAST_SLOPING_INDEX
+    nothing = (jnp.zeros_like(stack.ground), {name: jnp.zeros_like(getattr(stack, name)) for name in wanted})
+
+    def at(lifted: Array):
+        index = jnp.where(near & lifted, LEAST_SLOPING_INDEX, stack.refractive_index)
+        moved = stack._replace(refractive_index=index)
+        return jax.lax.cond(jnp.any(near) | ~lifted, lambda: solve(moved, options.resolution), lambda: nothing)
+
+    # One program run twice, not two programs: compilation takes longer than either.
+    value, slopes = jax.lax.map(at, jnp.array([False, True]))
+    plain = {name: slope[0] for name, slope in slopes.items()}
+    return value[0], plain | {"refractive_index": jnp.where(near, *slopes["refractive_index"][::-1])}
 
 
 def _with_index(stack: Stack, options: _Options) -> Stack:
