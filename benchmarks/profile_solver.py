@@ -129,16 +129,15 @@ def main() -> None:
             resolution = resolve(tolerance, INDEX, INDEX)
             nodes = resolution.cone + resolution.total
             algebra = multiplications(nodes, 2, albedo.shape[0]) / rate
-            shares = ", ".join(
-                f"{part} {100 * value[0] / inside:.0f} %" for part, value in sorted(parts.items(), key=lambda x: -x[1][0])
-            )
+            largest_first = sorted(parts.items(), key=lambda item: -item[1][0])
+            shares = ", ".join(f"{part} {100 * value[0] / inside:.0f} %" for part, value in largest_first)
             say(
                 f"{albedo.shape[0]:11d} {tolerance:9.0e} {nodes:10d} {1e6 * taken:8.0f} {number:8.0f} "
                 f"{1e6 * inside / number:8.1f} {100 * algebra / taken:18.0f} %   {shares}"
             )
     say()
-    say("'algebra at full rate': share of the call that the multiply-adds would take at the rate above. Kernels of a few")
-    say("microseconds are bound by their own start; long ones well above that share by memory and short vectors.")
+    say("'algebra at full rate': share of the call that the multiply-adds would take at the rate above. Kernels of a")
+    say("few microseconds are bound by their own start, long ones by memory and by vectors as short as a matrix row.")
     say.save()
 
 

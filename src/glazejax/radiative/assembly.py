@@ -50,10 +50,12 @@ def decomposed(
         refractive_index: n.
     """
 
+    values = computed_once(lambda: _values(step, count, most, refractive_index), step)
+
     def numbers() -> tuple[Array, ...]:
-        e2, j1 = _at_midpoints(step, most, refractive_index)
+        e2, j1 = values[:2]
         toeplitz = jnp.concatenate([2.0 * (1.0 - e2[:, :1]), e2[:, :-1] - e2[:, 1:]], axis=1)
-        return toeplitz, j1[:, :-1] - j1[:, 1:], *_ground(e2, j1, step, count, refractive_index)
+        return toeplitz, j1[:, :-1] - j1[:, 1:], *_ground(values, count)
 
     toeplitz, hankel, *ground = computed_once(numbers, step)
     return Operator(toeplitz_plus_hankel(toeplitz, hankel), *ground)
@@ -93,10 +95,8 @@ def direct(step: Float[Array, "stacks"], count: Int[Array, "stacks"], most: int,
             matrix = matrix + integrated(lambda node, s: node + s, mu, weight)
         return matrix
 
-    def ground() -> tuple[Array, ...]:
-        return _ground(*_at_midpoints(step, most, refractive_index), step, count, refractive_index)
-
-    return Operator(jax.lax.map(entries, step), *computed_once(ground, step))
+    values = computed_once(lambda: _values(step, count, most, refractive_index), step)
+    return Operator(jax.lax.map(entries, step), *_ground(values, count))
 
 
 def _own(node: Array, dh: Array) -> Float[Array, "n"]:
@@ -115,23 +115,27 @@ def _grazing(top: float, bottom: Array, nodes: int) -> tuple[Array, Array]:
     return top * jnp.exp(-span * y), span * w
 
 
-def _at_midpoints(step: Array, most: int, refractive_index: float) -> tuple[Array, Array]:
-    """E_2 (stacks, n) and J_1 (stacks, 2n) at (k + 1/2) dh; J_p(x) = int R mu^(p-1) exp(-x/mu) dmu."""
-    e2 = expn(2, (jnp.arange(most) + 0.5) * step[:, None])
-    return e2, _reflected(1, 0.5 * step, step, 2 * most, refractive_index)
+def _values(step: Array, count: Array, most: int, refractive_index: float) -> tuple[Array, ...]:
+    """E_2 (stacks, n) and J_1 (stacks, 2n) at (k + 1/2) dh, E_3 at k dh and J_2 at h + k dh, (stacks, n + 1).
+
+    J_p(x) = int_0^1 R(mu) mu^(p-1) exp(-x/mu) dmu. As h is Q dh, these also serve at h - s and h + s.
+    """
+    return (
+        expn(2, (jnp.arange(most) + 0.5) * step[:, None]),
+        _reflected(1, 0.5 * step, step, 2 * most, refractive_index),
+        expn(3, jnp.arange(most + 1) * step[:, None]),
+        _reflected(2, count * step, step, most + 1, refractive_index),
+    )
 
 
-def _ground(e2: Array, j1: Array, step: Array, count: Array, refractive_index: float) -> tuple[Array, Array, Array]:
+def _ground(values: tuple[Array, ...], count: Array) -> tuple[Array, Array, Array]:
     """M at the midpoints and integrated over the segments, (n, stacks), and K, (stacks,); exact."""
-    most = e2.shape[1]
-    i, own = jnp.arange(most), count[:, None]
-    m = jnp.take_along_axis(e2, jnp.maximum(own - 1 - i, 0), axis=1) + jnp.take_along_axis(j1, own + i, axis=1)
-    # h is Q dh, so the same numbers serve h - s and h + s; the integral over a segment needs them at its edges.
-    e3 = expn(3, jnp.arange(most + 1) * step[:, None])
-    j2 = _reflected(2, count * step, step, most + 1, refractive_index)
+    e2, j1, e3, j2 = values
+    i, own = jnp.arange(e2.shape[1]), count[:, None]
     above = jnp.maximum(own - 1 - i, 0)
+    m = jnp.take_along_axis(e2, above, axis=1) + jnp.take_along_axis(j1, own + i, axis=1)
     integrated = jnp.take_along_axis(e3, above, axis=1) - jnp.take_along_axis(e3, above + 1, axis=1)
-    integrated = integrated + j2[:, :-1] - j2[:, 1:]
+    integrated += j2[:, :-1] - j2[:, 1:]
     return m.T, integrated.T, 2.0 * jnp.take_along_axis(j2, own, axis=1)[:, 0]
 
 
