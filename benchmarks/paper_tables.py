@@ -128,10 +128,9 @@ def spectrum(pair: Work, step: float, method: str, **angles) -> jax.Array:
     )
 
 
-def reuse(pair: Work, step: float) -> float:
-    """Share of the numbers of H and U that are needed, 3Q - 1 a wavelength, and were in the table already."""
-    counts = np.maximum(np.round(pair.thickness.sum(axis=1) / step).astype(int), 2)
-    table = KernelTable(INDEX, step)
+def reuse(pair: Work, table: KernelTable) -> float:
+    """Share of the numbers of H and U that are needed, 3Q - 1 a wavelength, and need not be computed."""
+    counts = np.maximum(np.round(pair.thickness.sum(axis=1) / table.step).astype(int), 2)
     return 1.0 - table.grow(int(counts.max())) / int(np.sum(3 * counts - 1))
 
 
@@ -170,8 +169,12 @@ def tables_2_and_3(say: Results, pairs: dict[str, Work], repetitions: int, budge
     ):
         say(f"{'here: ' + method + ' over ' + base:<49}" + ratios(method, base))
     say(f"{'paper: reuse rate':<49}" + "".join(f"{v:9.2%}" for v in PAPER_REUSED))
-    rates = [np.mean([reuse(pair, step) for step in STEPS]) for pair in pairs.values()]
-    say(f"{'here: reuse rate, each pair on a fresh table':<49}" + "".join(f"{v:9.2%}" for v in rates))
+    kept = {step: KernelTable(INDEX, step) for step in STEPS}
+    fresh = [np.mean([reuse(pair, KernelTable(INDEX, step)) for step in STEPS]) for pair in pairs.values()]
+    onward = [np.mean([reuse(pair, kept[step]) for step in STEPS]) for pair in pairs.values()]
+    say(f"{'here: reuse rate, a fresh table for each pair':<49}" + "".join(f"{v:9.2%}" for v in fresh))
+    say(f"{'here: reuse rate, table kept from pair to pair':<49}" + "".join(f"{v:9.2%}" for v in onward))
+    say("(With a fresh table 41 wavelengths reuse 40/41 = 97.56 % at most, all of one thickness; the paper has more.)")
     return seconds
 
 
@@ -294,7 +297,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--repetitions", type=int, default=20, help="timed runs of each program (default: %(default)s)")
     parser.add_argument(
-        "--budget", type=float, default=2.0, help="seconds of timed runs a program (default: %(default)s)"
+        "--budget", type=float, default=1.0, help="seconds of timed runs a program (default: %(default)s)"
     )
     add_option(parser)
     options = parser.parse_args()

@@ -21,7 +21,6 @@ and likewise int int z J_0(s + s') z' = sum u u' J_2(s + s') for the surface: be
 that is a Toeplitz and a Hankel matrix for all stacks, and only the few rows of interfaces are a stack's own.
 """
 
-import functools
 from collections import OrderedDict
 from typing import Any, get_args
 
@@ -48,14 +47,28 @@ _KEPT_TABLES = 8
 _kept: OrderedDict[tuple[float, float], KernelTable] = OrderedDict()
 
 
-def reflectance_factor(albedo, optical_thickness, substrate_reflectance, **settings) -> Float[Array, "*batch"]:
+def reflectance_factor(
+    albedo: Float[Any, "*batch layers"],
+    optical_thickness: Float[Any, "*batch layers"],
+    substrate_reflectance: Float[Any, "*batch"],
+    *,
+    refractive_index: float = 1.5,
+    cos_incidence: Float[Any, "*batch"] = 1.0,
+    cos_viewing: Float[Any, "*batch"] = 1.0,
+    step: float = 0.01,
+    variant: Variant = "fixed_step",
+    corrected: bool = True,
+    table: KernelTable | None = None,
+) -> Float[Array, "*batch"]:
     """Reflectance factor pi L_out / E_in by the auxiliary function method: the sum of `split_reflectance_factor`.
 
-    Arguments, errors and notes are those of `split_reflectance_factor`.
+    Arguments, errors, notes and source are those of `split_reflectance_factor`.
     """
-    return functools.reduce(
-        jnp.add, split_reflectance_factor(albedo, optical_thickness, substrate_reflectance, **settings)
+    angles = (cos_incidence, cos_viewing)
+    parts = _evaluate(
+        albedo, optical_thickness, substrate_reflectance, refractive_index, angles, step, variant, corrected, table
     )
+    return jnp.asarray(parts.ground + parts.single + parts.multiple)
 
 
 def split_reflectance_factor(
@@ -113,8 +126,17 @@ def split_reflectance_factor(
 
     Source: paper A (Shinozawa et al. 2013), eqs (3)-(5), (17)-(34), sections 4.1 and 4.2.
     """
-    given = {"albedo": albedo, "optical_thickness": optical_thickness, "substrate_reflectance": substrate_reflectance}
-    given |= {"cos_incidence": cos_incidence, "cos_viewing": cos_viewing}
+    angles = (cos_incidence, cos_viewing)
+    parts = _evaluate(
+        albedo, optical_thickness, substrate_reflectance, refractive_index, angles, step, variant, corrected, table
+    )
+    return jax.tree.map(jnp.asarray, parts)
+
+
+def _evaluate(albedo, thickness, ground, refractive_index, cosines, step, variant, corrected, table) -> Split:
+    """The parts, as NumPy arrays where all arguments are known."""
+    given = {"albedo": albedo, "optical_thickness": thickness, "substrate_reflectance": ground}
+    given |= {"cos_incidence": cosines[0], "cos_viewing": cosines[1]}
     _check(given, refractive_index, step, variant)
     batch, restore = _flatten(given)
     options = Options(variant, bool(corrected), float(refractive_index), float(step), 0)
@@ -143,14 +165,14 @@ def split_reflectance_factor(
             parts.append(solve(piece, count[filled], vectors(most), options._replace(most=most)))
             order.append(some)
     if not parts:
-        shape = (0, *jnp.broadcast_shapes(batch.cos_incidence.shape[1:], batch.cos_viewing.shape[1:]))
+        shape = (0, *np.broadcast_shapes(batch.cos_incidence.shape[1:], batch.cos_viewing.shape[1:]))
         return restore(Split(*(jnp.zeros(shape, batch.albedo.dtype),) * 3))
     back = np.argsort(np.concatenate(order), kind="stable")
     xp = jnp if any(isinstance(leaf, Tracer) for leaf in parts[0]) else np
 
-    def together(*leaves: Any) -> Array:
+    def together(*leaves: Any) -> Any:
         cut = [xp.asarray(leaf)[: rows.size] for leaf, rows in zip(leaves, order, strict=True)]
-        return jnp.asarray(xp.concatenate(cut)[back] if len(cut) > 1 else cut[0])
+        return xp.concatenate(cut)[back] if len(cut) > 1 else cut[0]
 
     return restore(jax.tree.map(together, *parts))
 
@@ -218,7 +240,7 @@ def _flatten(given: dict[str, Any]):
     )
 
     def restore(result: Split) -> Split:
-        def one(leaf: Array) -> Array:
+        def one(leaf: Any) -> Any:
             shape = [full[axis] for axis in (*others, *angular)]
             return leaf.reshape(shape).transpose(*np.argsort([*others, *angular]).tolist())
 
@@ -239,17 +261,16 @@ def _segments(depth, options: Options):
 
 def _buckets(count: np.ndarray, worth: int) -> list[tuple[np.ndarray, int]]:
     """Stacks (row numbers) of about equal segment counts, each with its padded count."""
-    ladder = np.array([_rounded_up(int(c)) for c in np.unique(count)] or [1])
+    distinct, which = np.unique(count, return_inverse=True)
+    padded = np.array([_rounded_up(int(c)) for c in distinct], dtype=int)[which]
+    sizes = np.unique(padded)
+    waiting = np.zeros(0, int)
     buckets: list[tuple[np.ndarray, int]] = []
-    rest, waiting = np.arange(count.size), np.zeros(0, int)
-    for top in np.unique(ladder):
-        waiting = np.concatenate([waiting, rest[count[rest] <= top]])
-        rest = rest[count[rest] > top]
-        above = next((int(size) for size in np.unique(ladder) if size > top), None)
+    for k, size in enumerate(sizes):
+        waiting = np.concatenate([waiting, np.flatnonzero(padded == size)])
         # What these stacks would cost in the next bucket up.
-        if above is None or waiting.size * (above**2 - int(top) ** 2) > worth:
-            if waiting.size:
-                buckets.append((np.sort(waiting), int(top)))
+        if k + 1 == sizes.size or waiting.size * (sizes[k + 1] ** 2 - size**2) > worth:
+            buckets.append((np.sort(waiting), int(size)))
             waiting = np.zeros(0, int)
     return buckets
 

@@ -116,9 +116,9 @@ def _galerkin(batch: Batch, count: Array, vectors: tuple, options: Options) -> S
     into, out = ((beam.antiderivative(edges), beam.antiderivative(faces)) for beam in (incident, viewing))
     strength = incident.transmittance / (2.0 * jnp.pi * incident.cosine)
     # M, the light that an evenly bright ground sends: the kernel's column at the ground.
-    scattered, from_ground = _solve(
-        apply, segments.scattering, strength * segments.average(*into), -segments.average(to_faces[-1], among_faces[-1])
-    )
+    once = strength * segments.average(*into)  # g
+    from_ground = -segments.average(to_faces[-1], among_faces[-1])
+    scattered, from_ground = _solve(apply, segments.scattering, once, from_ground)
     seen = segments.integrate(*out)
 
     def to_ground(beam: _Beam, sources: Array) -> Array:
@@ -158,11 +158,10 @@ def _collocation(batch: Batch, count: Array, vectors: tuple, options: Options) -
         segments = Segments.make(batch.albedo.T, batch.thickness.T, step, count, options.most)
         albedo = jnp.where(present, segments.scattering / step, 0.0)
 
-        def weighted(beam: _Beam) -> Array:
-            return segments.integrate(beam.antiderivative(segments.edges), beam.antiderivative(segments.faces))
-
-        seen = weighted(viewing)
-        source = strength * weighted(incident) / append_axes(step, incident.cosine)
+        into, out = (
+            (beam.antiderivative(segments.edges), beam.antiderivative(segments.faces)) for beam in (incident, viewing)
+        )
+        seen, once = segments.integrate(*out), strength * segments.average(*into)
         single = strength * _scattered_once(batch, incident, viewing)
     else:
         middle = edges[:-1] + 0.5 * step
@@ -171,22 +170,20 @@ def _collocation(batch: Batch, count: Array, vectors: tuple, options: Options) -
         albedo = jnp.where(jnp.arange(options.most)[:, None] < held, albedo, 0.0)
         seen = viewing.antiderivative(edges)
         seen = append_axes(albedo, seen) * (seen[1:] - seen[:-1])
-        g = strength * jnp.exp(-append_axes(middle, incident.cosine[None]) / incident.cosine)
-        source = append_axes(albedo, g) * g
-        single = 0.5 * jnp.sum(seen * g, axis=0)
+        once = strength * jnp.exp(-append_axes(middle, incident.cosine[None]) / incident.cosine)
+        single = 0.5 * jnp.sum(seen * once, axis=0)
 
-    def scatter(q_t: Array) -> Array:
-        """1/2 (H + U) of a source (n, stacks, cases)."""
+    def scatter(t: Array) -> Array:
+        """1/2 (H + U) P t."""
+        source = albedo[..., None] * t
         if matrix.ndim == 2:
-            product = jnp.matmul(matrix, q_t.reshape(options.most, -1), precision="highest").reshape(q_t.shape)
+            product = jnp.matmul(matrix, source.reshape(options.most, -1), precision="highest").reshape(t.shape)
         else:
-            product = _rows_times(q_t[:, 0].T, matrix[0]).T[:, None]
+            product = _rows_times(source[:, 0].T, matrix[0]).T[:, None]
         return 0.5 * product
 
-    scattered, from_ground = _solve(
-        lambda f: scatter(albedo[..., None] * f), albedo, source, m, first=scatter(_cases(source))
-    )
-    reaching = jnp.sum(append_axes(m_integrated, source) * (source + append_axes(albedo, source) * scattered), axis=0)
+    scattered, from_ground = _solve(scatter, albedo, once, m)
+    reaching = jnp.sum(append_axes(m_integrated * albedo, once) * (once + scattered), axis=0)
     back = jnp.sum(m_integrated * albedo * from_ground, axis=0)
     lost = append_axes(1.0 - batch.ground * (k + back), incident.cosine)
     arriving = (incident.transmittance * incident.decay + jnp.pi * reaching) / lost  # B, eq. (34)
@@ -195,14 +192,15 @@ def _collocation(batch: Batch, count: Array, vectors: tuple, options: Options) -
     return _seen(viewing, index, leaving, single, 0.5 * multiple)
 
 
-def _solve(apply, weight: Array, source: Array, ground: Array, first: Array | None = None) -> tuple[Array, Array]:
-    """Auxiliary function of the beam's light (n, stacks, *angles) and of an evenly bright ground's (n, stacks).
+def _solve(apply, weight: Array, once: Array, ground: Array) -> tuple[Array, Array]:
+    """Auxiliary function f of the beam's light (n, stacks, *angles) and of an evenly bright ground's (n, stacks).
 
-    Both without the ground's further reflections, which are a number for each stack.
+    Both without the ground's further reflections, which are a number for each stack. ``once`` is g; t = f + g is what
+    the equation is solved for.
     """
-    beam = apply(_cases(source)) if first is None else first
-    both = solve_contraction(apply, weight[..., None], jnp.concatenate([beam, ground[..., None]], axis=-1))
-    return both[..., :-1].reshape(source.shape), both[..., -1]
+    right = jnp.concatenate([once.reshape(*once.shape[:2], -1), ground[..., None]], axis=-1)
+    both = solve_contraction(apply, weight[..., None], right)
+    return both[..., :-1].reshape(once.shape) - once, both[..., -1]
 
 
 def _rows_times(rows: Array, matrix: Array) -> Array:
@@ -210,11 +208,6 @@ def _rows_times(rows: Array, matrix: Array) -> Array:
     if rows.shape[0] > 3:
         return jnp.matmul(rows, matrix, precision="highest")
     return jnp.stack([jnp.matmul(row, matrix, precision="highest") for row in rows])
-
-
-def _cases(array: Array) -> Array:
-    """(n, stacks, *angles) as (n, stacks, cases)."""
-    return array.reshape(*array.shape[:2], -1)
 
 
 def _tabulated_ground(tables: list[Array], count: Array, most: int) -> tuple[Array, Array, Array]:

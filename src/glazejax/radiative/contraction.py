@@ -65,8 +65,7 @@ def _conjugate_gradients(apply: Callable[[Array], Array], weight: Array, b: Arra
         share: Array = left / jnp.where(rest > 0, rest, 1.0)
         return step + 1, x, residual, residual + share * direction, left
 
-    residual = apply(b)
-    state = (jnp.asarray(0), b, residual, residual, dot(residual, residual))
+    state = (jnp.asarray(0), jnp.zeros_like(b), b, b, dot(b, b))
     _, x, residual, _, _ = jax.lax.while_loop(unfinished, advance, state)
     # x + residual = b + T x: one more scattering, which also gives the rows of weight zero their value.
     return x + residual

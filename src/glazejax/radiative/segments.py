@@ -12,7 +12,7 @@ import functools
 from typing import NamedTuple
 
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Float, Int
 
 # Relative to the step: a segment with less scattering in it holds none.
 _NEGLIGIBLE = 1e-12
@@ -35,6 +35,8 @@ class Segments(NamedTuple):
     """int_segment q ds, exactly 0 where negligible."""
     doubled: Float[Array, "n stacks"]
     """int_segment q^2 ds over int_segment q ds."""
+    averaging: tuple[Float[Array, "n stacks"], Float[Array, "n stacks"], Float[Array, "layers stacks"]]
+    """Factors of a function at left edges, right edges and faces that make its slope's mean over each segment."""
 
     @classmethod
     def make(
@@ -59,59 +61,63 @@ class Segments(NamedTuple):
             edge = jnp.where(present, jnp.take_along_axis(q, layer, axis=0), 0.0)
             drop = jnp.concatenate([q[:-1] - q[1:], q[-1:]])
             nothing = jnp.zeros_like(edge)
-            return cls(edges, faces, held, edge, drop, nothing, nothing)
+            return cls(edges, faces, held, edge, drop, nothing, nothing, (nothing, nothing, drop))
 
         first, second = with_albedo(albedo), with_albedo(albedo**2)
         scattering = first.integrate(edges, faces)
         enough = scattering > _NEGLIGIBLE * step
         safe = jnp.where(enough, scattering, 1.0)
         doubled = jnp.where(enough, second.integrate(edges, faces) / safe, 0.0)
-        return first._replace(scattering=jnp.where(enough, scattering, 0.0), doubled=doubled)
+        # Weighted by the albedo; by the depth alone where nothing scatters, the limit of a faint albedo.
+        last = index == count - 1
+        width = jnp.where(last, faces[-1] - edges, step)
+        share = jnp.where(
+            enough, 1.0 / safe, jnp.where(present & (width > 0), 1.0 / jnp.where(width > 0, width, 1.0), 0.0)
+        )
+        left = share * jnp.where(enough, first.edge_albedo, 1.0)
+        right = share * jnp.where(enough, _below(first.edge_albedo), 1.0 - last)
+        end = jnp.zeros_like(faces).at[-1].set(1.0)
+        at_faces = first.at_faces(share) * jnp.where(first.at_faces(enough), first.drop, end)
+        scattering = jnp.where(enough, scattering, 0.0)
+        return first._replace(scattering=scattering, doubled=doubled, averaging=(left, right, at_faces))
 
     def integrate(
         self, at_edges: Float[Array, "n stacks *cases"], at_faces: Float[Array, "layers stacks *cases"]
     ) -> Float[Array, "n stacks *cases"]:
         """int_segment q v' ds of a function v known at edges and faces; exact."""
-        edge, drop = append_axes(self.edge_albedo, at_edges), append_axes(self.drop, at_faces)
-        left = edge * at_edges
-        right = jnp.concatenate([left[1:], jnp.zeros_like(left[:1])])
-        return right - left + self._spread(drop * at_faces)
+        right = append_axes(_below(self.edge_albedo), at_edges) * _below(at_edges)
+        left = append_axes(self.edge_albedo, at_edges) * at_edges
+        return right - left + self._spread(append_axes(self.drop, at_faces) * at_faces)
 
     def average(
         self, at_edges: Float[Array, "n stacks *cases"], at_faces: Float[Array, "layers stacks *cases"]
     ) -> Float[Array, "n stacks *cases"]:
         """Mean of v' over each segment, weighted by the albedo; unweighted where nothing scatters."""
-        positive = self.scattering > 0
-        weighted = self.integrate(at_edges, at_faces) / append_axes(jnp.where(positive, self.scattering, 1.0), at_edges)
-        last = self._inside(-1)
-        right = jnp.concatenate([at_edges[1:], at_edges[-1:]])
-        right = jnp.where(append_axes(last, at_edges), at_faces[-1], right)
-        end = jnp.where(last, self.faces[-1], jnp.concatenate([self.edges[1:], self.edges[-1:]]))
-        width = end - self.edges
-        plain = jnp.where(
-            append_axes(width > 0, at_edges),
-            (right - at_edges) / append_axes(jnp.where(width > 0, width, 1.0), at_edges),
-            0,
-        )
-        return jnp.where(append_axes(positive, at_edges), weighted, plain)
+        left, right, face = (append_axes(a, at_edges) for a in self.averaging)
+        return right * _below(at_edges) - left * at_edges + self._spread(face * at_faces)
 
     def jumps(self, t: Float[Array, "n stacks *cases"]) -> tuple[Array, Array]:
         """By how much q t rises at every edge (n, stacks, *cases) and face (layers, stacks, *cases)."""
         before = jnp.concatenate([jnp.zeros_like(t[:1]), t[:-1]])
-        return append_axes(self.edge_albedo, t) * (t - before), -append_axes(self.drop, t) * self._at_faces(t)
+        return append_axes(self.edge_albedo, t) * (t - before), -append_axes(self.drop, t) * self.at_faces(t)
 
-    def _inside(self, layer: int) -> Bool[Array, "n stacks"]:
-        """Whether the segment holds the face of this layer."""
-        return self.held_by[layer] == jnp.arange(self.edges.shape[0])[:, None]
+    def at_faces(self, t: Array) -> Array:
+        """Value (n, stacks, *cases) in the segment of each face."""
+        return jnp.take_along_axis(t, append_axes(self.held_by, t), axis=0)
 
     def _spread(self, at_faces: Array) -> Array:
         """Sum over the faces in each segment."""
-        terms = (jnp.where(append_axes(self._inside(k), at_faces), at_faces[k], 0.0) for k in range(at_faces.shape[0]))
+        number = jnp.arange(self.edges.shape[0])[:, None]
+        terms = (
+            jnp.where(append_axes(self.held_by[k] == number, at_faces), at_faces[k], 0.0)
+            for k in range(at_faces.shape[0])
+        )
         return functools.reduce(jnp.add, terms)
 
-    def _at_faces(self, t: Array) -> Array:
-        """Value in the segment of each face."""
-        return jnp.take_along_axis(t, append_axes(self.held_by, t), axis=0)
+
+def _below(array: Array) -> Array:
+    """What the next segment has; zero below the last."""
+    return jnp.concatenate([array[1:], jnp.zeros_like(array[:1])])
 
 
 def append_axes(array: Array, like: Array) -> Array:
