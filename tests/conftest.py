@@ -3,13 +3,16 @@
 import os
 from pathlib import Path
 
+# Most of the suite's time is compilation. Fast code is for users; here it is compiled quickly instead.
+os.environ["XLA_FLAGS"] = os.environ.get("XLA_FLAGS", "") + " --xla_backend_optimization_level=0"
+
 import hypothesis
 import jax
 import pytest
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_logging_level", "CRITICAL")  # XLA calls a program taken from the cache an error
-# Most of the suite's time is compilation; programs compiled by one worker or run serve the others.
+# Programs compiled by one worker or run serve the others.
 jax.config.update("jax_compilation_cache_dir", str(Path(__file__).parents[1] / ".pytest_cache" / "xla"))
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.3)
 hypothesis.settings.register_profile("glazejax", deadline=None, max_examples=50)

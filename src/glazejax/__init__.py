@@ -14,7 +14,12 @@ from .media import Glaze, Layer, Mixture, Pigment
 # The functions picture and reflectance come after their submodules of the same name are loaded, so that they stay.
 from .picture import picture
 from .radiative.profile import profile_hemispherical_reflectance, profile_reflectance_factor
-from .radiative.stack import stack_hemispherical_reflectance, stack_reflectance_factor
+from .radiative.stack import (
+    split_hemispherical_reflectance,
+    split_reflectance_factor,
+    stack_hemispherical_reflectance,
+    stack_reflectance_factor,
+)
 from .reflectance import reflectance
 
 if TYPE_CHECKING:
@@ -37,6 +42,8 @@ __all__ = [
     "profile_reflectance_factor",
     "reflectance",
     "spectra",
+    "split_hemispherical_reflectance",
+    "split_reflectance_factor",
     "stack_hemispherical_reflectance",
     "stack_reflectance_factor",
 ]
