@@ -7,7 +7,6 @@ grows when a thicker glaze comes, and can be kept in a file.
 """
 
 import os
-import tempfile
 from pathlib import Path
 from typing import Self
 
@@ -109,13 +108,13 @@ class KernelTable:
             raise FileExistsError(f"{path} exists; pass overwrite=True to replace it")
         arrays = {name: getattr(self, name) for name in _ARRAYS}
         # Under another name first, so that an interrupted run leaves no half table.
-        handle, partial = tempfile.mkstemp(dir=path.parent, suffix=".part")
+        partial = path.with_name(f"{path.name}.{os.getpid()}.part")
         try:
-            with os.fdopen(handle, "wb") as file:
+            with partial.open("wb") as file:
                 np.savez(file, format=_FORMAT, refractive_index=self.refractive_index, step=self.step, **arrays)
-            os.replace(partial, path)
+            partial.replace(path)
         except BaseException:
-            Path(partial).unlink(missing_ok=True)
+            partial.unlink(missing_ok=True)
             raise
         return path
 
