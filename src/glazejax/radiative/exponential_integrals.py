@@ -190,8 +190,8 @@ def internal_reflection_integral(
     n = jnp.asarray(refractive_index, x.dtype)
     critical = critical_cosine(n)
     total = critical**power * expn(power + 1, x / critical)
-    reflects: Array = n > 1.0
-    return jnp.where(reflects, cone + total, 0.0)
+    result: Array = cone + total
+    return jnp.where(jnp.asarray(n > 1.0), result, jnp.zeros_like(result))
 
 
 def critical_cosine(refractive_index: float | Float[ArrayLike, "..."]) -> Float[Array, "..."]:
