@@ -21,10 +21,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from benchmarks.peers import two_layers
+from benchmarks.peers import ours, two_layers
 from benchmarks.results import Results, add_option
 from benchmarks.timing import environment
-from glazejax import stack_reflectance_factor
 from glazejax.radiative.resolution import resolve
 
 PARTS = ("modes", "assemble", "inverse", "eliminate")
@@ -109,20 +108,8 @@ def main() -> None:
         albedo, thickness = (jnp.asarray(np.tile(a, (copies, 1))) for a in (work.albedo, work.optical_thickness))
         ground = jnp.full(albedo.shape[0], work.ground)
         for tolerance in (1e-3, 1e-7):
-
-            def spectrum(albedo, thickness, ground, tolerance=tolerance):
-                return stack_reflectance_factor(
-                    albedo,
-                    thickness,
-                    ground,
-                    refractive_index=INDEX,
-                    cos_incidence=work.cos_incidence,
-                    cos_viewing=work.cos_viewing,
-                    tolerance=tolerance,
-                )
-
             arguments = (albedo, thickness, ground)
-            compiled = jax.jit(spectrum).lower(*arguments).compile()
+            compiled = jax.jit(ours.spectrum(work, INDEX, tolerance)).lower(*arguments).compile()
             taken = seconds(lambda c=compiled, a=arguments: c(*a), REPETITIONS if copies == 1 else 20)
             parts = kernel_times(compiled, arguments, REPETITIONS if copies == 1 else 10)
             inside, number = (sum(value[i] for value in parts.values()) for i in (0, 1))

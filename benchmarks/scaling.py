@@ -63,24 +63,12 @@ def layered(layers: int) -> Work:
 
 
 def solver(work: Work, tolerance: float, index: float = 1.5) -> Callable[[], Any]:
-    from glazejax import stack_reflectance_factor
+    from benchmarks.peers import ours
 
     albedo, thickness = jnp.asarray(work.albedo), jnp.asarray(work.optical_thickness)
     ground = jnp.full(len(work.albedo), work.ground)
-
-    @jax.jit
-    def spectrum(albedo: Any, thickness: Any, ground: Any) -> Any:
-        return stack_reflectance_factor(
-            albedo,
-            thickness,
-            ground,
-            refractive_index=index,
-            cos_incidence=work.cos_incidence,
-            cos_viewing=work.cos_viewing,
-            tolerance=tolerance,
-        )
-
-    return lambda: spectrum(albedo, thickness, ground)
+    program = jax.jit(ours.spectrum(work, index, tolerance))
+    return lambda: program(albedo, thickness, ground)
 
 
 def cheapest(make: Callable[[Any], Callable[[], Any]], settings: tuple, truth: np.ndarray) -> Any:

@@ -20,6 +20,17 @@ STEPS = (0.16, 0.08, 0.04, 0.02, 0.01)
 CONVERGED = {1.0: Resolution(44, 0, crowded=True), 1.5: Resolution(36, 30, crowded=False)}
 
 
+def spectrum(work: Work, index: float, tolerance: float) -> Callable[[Any, Any, Any], Any]:
+    """Reflectance factor in the work's geometry as a function of albedo, optical thickness and ground; not compiled."""
+    return functools.partial(
+        stack_reflectance_factor,
+        refractive_index=index,
+        cos_incidence=work.cos_incidence,
+        cos_viewing=work.cos_viewing,
+        tolerance=tolerance,
+    )
+
+
 def reflectance(
     work: Work,
     index: float,
@@ -41,22 +52,13 @@ def reflectance(
         device: where to compute; JAX's default if None.
     """
 
-    def spectrum(albedo, thickness, ground):
-        return stack_reflectance_factor(
-            albedo,
-            thickness,
-            ground,
-            refractive_index=index,
-            cos_incidence=work.cos_incidence,
-            cos_viewing=work.cos_viewing,
-            tolerance=tolerance,
-        )
+    values = spectrum(work, index, tolerance)
 
     def value_and_sum(*inputs):
-        value = spectrum(*inputs)
+        value = values(*inputs)
         return value.sum(), value
 
-    program = jax.jit(jax.value_and_grad(value_and_sum, argnums=(0, 1, 2), has_aux=True) if gradient else spectrum)
+    program = jax.jit(jax.value_and_grad(value_and_sum, argnums=(0, 1, 2), has_aux=True) if gradient else values)
     with jax.enable_x64(not single):
         ground = np.full(len(work.albedo), work.ground)
         inputs = [jax.device_put(jnp.asarray(a), device) for a in (work.albedo, work.optical_thickness, ground)]

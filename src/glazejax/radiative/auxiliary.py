@@ -30,8 +30,8 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from glazejax.radiative import stack
 from glazejax.radiative.auxiliary_uniform import Batch, Options, Variant, solve
+from glazejax.radiative.inputs import at_least_one_layer, batch_shape, check_values, concrete
 from glazejax.radiative.kernel_table import MOST_SEGMENTS, KernelTable
 from glazejax.radiative.segments import append_axes
 from glazejax.radiative.split import Split
@@ -140,7 +140,7 @@ def _evaluate(albedo, thickness, ground, refractive_index, cosines, step, varian
     _check(given, refractive_index, step, variant)
     batch, restore = _flatten(given)
     options = Options(variant, bool(corrected), float(refractive_index), float(step), 0)
-    thickness = stack._concrete(batch.thickness)
+    thickness = concrete(batch.thickness)
     if thickness is None:
         return restore(_traced(batch, options, table))
     count = np.asarray(_segments(np.sum(np.asarray(thickness, np.float64), axis=1), options))
@@ -184,11 +184,7 @@ def _check(given: dict[str, Any], refractive_index: float, step: float, variant:
         raise ValueError(f"step is {step}; it must be a positive optical thickness, such as 0.01")
     if isinstance(refractive_index, Tracer) or np.ndim(refractive_index) > 0:
         raise ValueError("refractive_index must be one number here; stack_reflectance_factor takes arrays")
-    for name, value in (given | {"refractive_index": refractive_index}).items():
-        known = stack._concrete(value)
-        words, test = stack._RANGES[name]
-        if known is not None and not np.all(good := test(known)):
-            raise ValueError(f"{name} holds {known[~good].flat[0]}; it must be {words}")
+    check_values(given | {"refractive_index": refractive_index})
 
 
 def _flatten(given: dict[str, Any]):
@@ -198,22 +194,11 @@ def _flatten(given: dict[str, Any]):
     dtype = jnp.result_type(float)
     arrays = {name: xp.asarray(value, dtype) for name, value in given.items()}
     albedo, thickness = arrays["albedo"], arrays["optical_thickness"]
-    if albedo.ndim == 0 or thickness.ndim == 0:
-        raise ValueError("albedo and optical_thickness need a last axis of layers; a single layer is [q]")
-    layers = (albedo.shape[-1], thickness.shape[-1])
-    if layers[0] != layers[1] and 1 not in layers:
-        raise ValueError(f"albedo has {layers[0]} layers (last axis) but optical_thickness has {layers[1]}")
-    if 0 in layers:  # A bare ground is the ground under an empty layer.
-        albedo, thickness = (xp.zeros((*array.shape[:-1], 1), dtype) for array in (albedo, thickness))
-    layers = max(albedo.shape[-1], thickness.shape[-1])
+    albedo, thickness, layers = at_least_one_layer(albedo, thickness, xp=xp)
     shapes = {"albedo": albedo.shape[:-1], "optical_thickness": thickness.shape[:-1]}
     shapes |= {name: array.shape for name, array in arrays.items() if name not in shapes}
-    try:
-        full = jnp.broadcast_shapes(*shapes.values())
-    except ValueError:
-        listing = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
-        raise ValueError(f"batch shapes do not broadcast: {listing} (layers, the last axis, not counted)") from None
-    matter = jnp.broadcast_shapes(*(shapes[n] for n in ("albedo", "optical_thickness", "substrate_reflectance")))
+    full = batch_shape(shapes)
+    matter = np.broadcast_shapes(*(shapes[n] for n in ("albedo", "optical_thickness", "substrate_reflectance")))
     matter = (1,) * (len(full) - len(matter)) + matter
     angular = [axis for axis, size in enumerate(full) if matter[axis] == 1 and size != 1]
     others = [axis for axis in range(len(full)) if axis not in angular]

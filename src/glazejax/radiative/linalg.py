@@ -10,7 +10,6 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-_BLOCK = 4
 # Up to here a product written as a sum, which XLA fuses with what surrounds it, beats a call of its matrix product.
 _FUSED = 24
 
@@ -46,8 +45,11 @@ def inverse_positive(a: Float[Array, "*batch n n"]) -> Float[Array, "*batch n n"
     return jnp.concatenate([upper, jnp.concatenate([transposed(side), complement], axis=-1)], axis=-2)
 
 
+_BLOCK = 4
+
+
 def solve_positive(a: Float[Array, "*batch n n"], b: Float[Array, "*batch n m"]) -> Float[Array, "*batch n m"]:
-    """Solve A x = b for a symmetric positive definite A (or one that a diagonal scaling makes so).
+    """Solve A x = b for a symmetric positive definite or diagonally dominant A.
 
     Blocked Gauss-Jordan elimination without pivoting. A loop over blocks rather than unrolled blocks: it runs as
     fast and compiles several times faster.

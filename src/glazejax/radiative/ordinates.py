@@ -82,13 +82,15 @@ class Order(NamedTuple):
 
     layers: np.ndarray  # (layers,), index of each layer in the stack
     mirrored: np.ndarray  # (layers,), whether its near face, the one towards the middle, is its bottom
+    back: np.ndarray  # (layers,), where in this order each layer of the stack is, top first
 
 
 def order(count: int) -> Order:
     """Order in which a number of layers is eliminated."""
     pairs = [index for step in range(count // 2) for index in (count - 1 - step, step)]
     middle = [count // 2] if count % 2 else []
-    return Order(np.array(pairs + middle), np.array([False, True] * (count // 2) + [False] * (count % 2)))
+    layers = np.array(pairs + middle)
+    return Order(layers, np.array([False, True] * (count // 2) + [False] * (count % 2)), np.argsort(layers))
 
 
 @jax.named_scope("assemble")
@@ -96,7 +98,7 @@ def assemble(stack: Stack, resolution: Resolution) -> System:
     """The discretised problem of each stack."""
     n = stack.refractive_index
     directions = half_range(n, resolution)
-    layers, mirrored = order(stack.albedo.shape[1])
+    layers, mirrored, _ = order(stack.albedo.shape[1])
     albedo, thickness = stack.albedo.T[layers], stack.optical_thickness.T[layers]
     modes = layer_modes(albedo, directions.cosines, directions.weights)
     beams = _beams(stack, layers)

@@ -7,20 +7,18 @@ blocks of few shapes. Each of these can be switched off; none changes a result b
 """
 
 import functools
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, ArrayLike, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
 from glazejax.radiative import reduction
+from glazejax.radiative.inputs import Numbers, at_least_one_layer, batch_shape, check_tolerance, check_values
 from glazejax.radiative.reduction import Rows
 from glazejax.radiative.stack import stack_hemispherical_reflectance, stack_reflectance_factor
-
-_Numbers: TypeAlias = ArrayLike | Sequence[Any]
 
 # Shares of the tolerance; exact savings need none.
 _SHARE_HIDDEN, _SHARE_SCATTERING, _SHARE_BANDS = 0.25, 0.25, 0.5
@@ -162,17 +160,17 @@ class Plan:
 
 
 def plan_stacks(
-    albedo: Float[_Numbers, "*batch layers"],
-    optical_thickness: Float[_Numbers, "*batch layers"],
-    substrate_reflectance: Float[_Numbers, "*batch"],
+    albedo: Float[Numbers, "*batch layers"],
+    optical_thickness: Float[Numbers, "*batch layers"],
+    substrate_reflectance: Float[Numbers, "*batch"],
     *,
-    refractive_index: float | Float[_Numbers, "*batch"] = 1.5,
-    cos_incidence: Float[_Numbers, "*batch"] = 1.0,
-    cos_viewing: Float[_Numbers, "*batch"] | None = 1.0,
+    refractive_index: float | Float[Numbers, "*batch"] = 1.5,
+    cos_incidence: Float[Numbers, "*batch"] = 1.0,
+    cos_viewing: Float[Numbers, "*batch"] | None = 1.0,
     tolerance: float = 1e-6,
     savings: Savings = ALL,
-    band_weights: Float[_Numbers, "bands channels"] | None = None,
-    wanted: Bool[_Numbers, "*batch"] | None = None,
+    band_weights: Float[Numbers, "bands channels"] | None = None,
+    wanted: Bool[Numbers, "*batch"] | None = None,
 ) -> Plan:
     """Decide what of a batch of stacks has to be computed.
 
@@ -198,8 +196,7 @@ def plan_stacks(
         The bounds are those of `glazejax.radiative.bounds`. A band is weighed by the highest reflectance there is in
         this geometry: of a medium that absorbs nothing on a white ground, whatever its thickness.
     """
-    if not 0 < tolerance < 1:
-        raise ValueError(f"tolerance is {tolerance}; it must be between 0 and 1, such as 1e-6")
+    check_tolerance(tolerance)
     given, shape, layers = _broadcast(
         albedo, optical_thickness, substrate_reflectance, refractive_index, cos_incidence, cos_viewing
     )
@@ -253,14 +250,14 @@ def plan_stacks(
     return Plan(rows, groups, np.flatnonzero(closed), inverse, computed, discarded, kept, shape, tolerance, report)
 
 
-_RANGES = {
-    "albedo": (0.0, 1.0),
-    "optical_thickness": (0.0, np.inf),
-    "substrate_reflectance": (0.0, 1.0),
-    "refractive_index": (1.0, 2.5),
-    "cos_incidence": (0.0, 1.0),
-    "cos_viewing": (0.0, 1.0),
-}
+_ARGUMENTS = (
+    "albedo",
+    "optical_thickness",
+    "substrate_reflectance",
+    "refractive_index",
+    "cos_incidence",
+    "cos_viewing",
+)
 
 
 def _known(name: str, value: Any, dtype: type = float) -> np.ndarray:
@@ -274,28 +271,15 @@ def _known(name: str, value: Any, dtype: type = float) -> np.ndarray:
 
 def _broadcast(*arguments: Any) -> tuple[Rows, tuple[int, ...], int]:
     """Checked inputs that broadcast, the batch shape and the number of layers (at least one)."""
-    arrays = []
-    for (name, (low, high)), value in zip(_RANGES.items(), arguments, strict=True):
-        array = None if value is None and name == "cos_viewing" else _known(name, value)
-        if array is not None:
-            good = (array >= low) & (array <= high) & np.isfinite(array) & ((array > 0) | (not name.startswith("cos")))
-            if not good.all():
-                words = f"in [{low:g}, {high:g}]" if np.isfinite(high) else ">= 0 and finite"
-                words = "in (0, 1] (a cosine, not an angle)" if name.startswith("cos") else words
-                raise ValueError(f"{name} holds {array[~good].flat[0]}; it must be {words}")
-        arrays.append(array)
-    albedo, thickness, *rest = arrays
-    if albedo.ndim == 0 or thickness.ndim == 0:
-        raise ValueError("albedo and optical_thickness need a last axis of layers; a single layer is [q]")
-    if 0 in (albedo.shape[-1], thickness.shape[-1]):  # bare ground
-        albedo, thickness = np.zeros((*albedo.shape[:-1], 1)), np.zeros((*thickness.shape[:-1], 1))
-    shapes = [array.shape for array in rest if array is not None]
-    try:
-        (layers,) = np.broadcast_shapes(albedo.shape[-1:], thickness.shape[-1:])
-        shape = np.broadcast_shapes(albedo.shape[:-1], thickness.shape[:-1], *shapes)
-    except ValueError:
-        listing = ", ".join(f"{n} {a.shape}" for n, a in zip(_RANGES, arrays, strict=True) if a is not None)
-        raise ValueError(f"shapes do not broadcast (layers last in the first two): {listing}") from None
+    given: dict[str, Any] = {
+        n: None if n == "cos_viewing" and v is None else _known(n, v)
+        for n, v in zip(_ARGUMENTS, arguments, strict=True)
+    }
+    check_values(given)
+    albedo, thickness, *rest = given.values()
+    albedo, thickness, layers = at_least_one_layer(albedo, thickness, xp=np)
+    shapes = {"albedo": albedo.shape[:-1], "optical_thickness": thickness.shape[:-1]}
+    shape = batch_shape(shapes | {n: a.shape for n, a in given.items() if a is not None and n not in shapes})
     return Rows(albedo, thickness, *rest), shape, layers
 
 

@@ -10,29 +10,27 @@ Two ways to the same number:
   until the estimate is below the tolerance.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any, NamedTuple, TypeAlias, cast
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
 
 from glazejax.radiative import auxiliary_graded
 from glazejax.radiative.auxiliary_graded import Light
 from glazejax.radiative.directions import gauss
+from glazejax.radiative.inputs import Numbers, batch_shape, check_tolerance, check_values, concrete
 from glazejax.radiative.panels import Mesh, Panels, graded_shares, rules
 from glazejax.radiative.stack import (
     Method,
-    _check,
-    _Inputs,
+    check_method,
     stack_hemispherical_reflectance,
     stack_reflectance_factor,
 )
-from glazejax.radiative.stack import _concrete as concrete
 
-_Numbers: TypeAlias = ArrayLike | Sequence[Any]
-Profile: TypeAlias = Callable[[Array], Array] | _Numbers
+Profile: TypeAlias = Callable[[Array], Array] | Numbers
 """A callable of depth (m), or values at equally spaced depths from the surface to the ground."""
 
 _LEAST_SLICES = 8
@@ -50,12 +48,12 @@ _CHUNK_BYTES = 2**24
 def profile_reflectance_factor(
     absorption: Profile,
     scattering: Profile,
-    thickness: Float[_Numbers, "*batch"],
-    substrate_reflectance: Float[_Numbers, "*batch"],
+    thickness: Float[Numbers, "*batch"],
+    substrate_reflectance: Float[Numbers, "*batch"],
     *,
-    refractive_index: float | Float[_Numbers, "*batch"] = 1.5,
-    cos_incidence: Float[_Numbers, "*batch"] = 1.0,
-    cos_viewing: Float[_Numbers, "*batch"] = 1.0,
+    refractive_index: float | Float[Numbers, "*batch"] = 1.5,
+    cos_incidence: Float[Numbers, "*batch"] = 1.0,
+    cos_viewing: Float[Numbers, "*batch"] = 1.0,
     tolerance: float = 1e-6,
     method: Method = "ordinates",
 ) -> Float[Array, "*batch"]:
@@ -97,11 +95,11 @@ def profile_reflectance_factor(
 def profile_hemispherical_reflectance(
     absorption: Profile,
     scattering: Profile,
-    thickness: Float[_Numbers, "*batch"],
-    substrate_reflectance: Float[_Numbers, "*batch"],
+    thickness: Float[Numbers, "*batch"],
+    substrate_reflectance: Float[Numbers, "*batch"],
     *,
-    refractive_index: float | Float[_Numbers, "*batch"] = 1.5,
-    cos_incidence: Float[_Numbers, "*batch"] = 1.0,
+    refractive_index: float | Float[Numbers, "*batch"] = 1.5,
+    cos_incidence: Float[Numbers, "*batch"] = 1.0,
     tolerance: float = 1e-6,
     method: Method = "ordinates",
 ) -> Float[Array, "*batch"]:
@@ -121,11 +119,11 @@ def profile_hemispherical_reflectance(
 class _Given(NamedTuple):
     absorption: Profile
     scattering: Profile
-    thickness: _Numbers
-    substrate_reflectance: _Numbers
-    refractive_index: _Numbers
-    cos_incidence: _Numbers
-    cos_viewing: _Numbers | None
+    thickness: Numbers
+    substrate_reflectance: Numbers
+    refractive_index: Numbers
+    cos_incidence: Numbers
+    cos_viewing: Numbers | None
 
 
 class _Film(NamedTuple):
@@ -141,7 +139,9 @@ class _Film(NamedTuple):
 def _evaluate(given: _Given, tolerance: float, method: str) -> Array:
     names = ("substrate_reflectance", "refractive_index", "cos_incidence", "cos_viewing")
     rest = {name: value for name in names if (value := getattr(given, name)) is not None}
-    _check(_Inputs(0.0, 0.0, *given[3:]), tolerance, method)
+    check_method(method)
+    check_tolerance(tolerance)
+    check_values(rest)
     film = _film(given, rest)
     if method == "ordinates":
         if given.cos_viewing is None:
@@ -177,11 +177,7 @@ def _film(given: _Given, rest: dict[str, Any]) -> _Film:
             f"{counts['scattering'] + 1}; give both at the same depths"
         )
     shapes |= {name: np.shape(value) for name, value in rest.items()}
-    try:
-        batch = jnp.broadcast_shapes(*shapes.values())
-    except ValueError:
-        listing = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
-        raise ValueError(f"batch shapes do not broadcast: {listing} (depths, the last axis, not counted)") from None
+    batch = batch_shape(shapes, last="depths")
     return _Film(functions[0], functions[1], max(several, default=None), thickness, batch)
 
 

@@ -1,30 +1,33 @@
 """The two reflectances of a stack of layers and their split: validation, batching, derivatives, choice of method."""
 
 import functools
-from collections.abc import Callable, Sequence
-from typing import Any, Literal, NamedTuple, TypeAlias, get_args
+from collections.abc import Callable
+from typing import Any, Literal, NamedTuple, get_args
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.core import Tracer
 from jax.custom_derivatives import SymbolicZero
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, Float
 
 from glazejax.radiative import auxiliary_graded, ordinates, sensitivity
 from glazejax.radiative.directions import Resolution
+from glazejax.radiative.inputs import (
+    INDEX_RANGE,
+    Numbers,
+    at_least_one_layer,
+    batch_shape,
+    check_tolerance,
+    check_values,
+    concrete,
+)
 from glazejax.radiative.ordinates import Stack
 from glazejax.radiative.panels import Mesh
 from glazejax.radiative.resolution import resolve
 from glazejax.radiative.split import Split
 
-_Numbers: TypeAlias = ArrayLike | Sequence[Any]
-
 Method = Literal["ordinates", "auxiliary"]
 """Ways to compute the same quantity."""
-
-INDEX_RANGE = (1.0, 2.5)
-"""Refractive indices the directions were calibrated for."""
 
 LEAST_SLOPING_INDEX = 1.0 + 1e-4
 """Nearer to one a slope by the index drowns in the quadrature's error; from here on it changes by some 2 %."""
@@ -62,13 +65,13 @@ class _Options(NamedTuple):
 
 
 def stack_reflectance_factor(
-    albedo: Float[_Numbers, "*batch layers"],
-    optical_thickness: Float[_Numbers, "*batch layers"],
-    substrate_reflectance: Float[_Numbers, "*batch"],
+    albedo: Float[Numbers, "*batch layers"],
+    optical_thickness: Float[Numbers, "*batch layers"],
+    substrate_reflectance: Float[Numbers, "*batch"],
     *,
-    refractive_index: float | Float[_Numbers, "*batch"] = 1.5,
-    cos_incidence: Float[_Numbers, "*batch"] = 1.0,
-    cos_viewing: Float[_Numbers, "*batch"] = 1.0,
+    refractive_index: float | Float[Numbers, "*batch"] = 1.5,
+    cos_incidence: Float[Numbers, "*batch"] = 1.0,
+    cos_viewing: Float[Numbers, "*batch"] = 1.0,
     tolerance: float = 1e-6,
     method: Method = "ordinates",
 ) -> Float[Array, "*batch"]:
@@ -117,12 +120,12 @@ def stack_reflectance_factor(
 
 
 def stack_hemispherical_reflectance(
-    albedo: Float[_Numbers, "*batch layers"],
-    optical_thickness: Float[_Numbers, "*batch layers"],
-    substrate_reflectance: Float[_Numbers, "*batch"],
+    albedo: Float[Numbers, "*batch layers"],
+    optical_thickness: Float[Numbers, "*batch layers"],
+    substrate_reflectance: Float[Numbers, "*batch"],
     *,
-    refractive_index: float | Float[_Numbers, "*batch"] = 1.5,
-    cos_incidence: Float[_Numbers, "*batch"] = 1.0,
+    refractive_index: float | Float[Numbers, "*batch"] = 1.5,
+    cos_incidence: Float[Numbers, "*batch"] = 1.0,
     tolerance: float = 1e-6,
     method: Method = "ordinates",
 ) -> Float[Array, "*batch"]:
@@ -147,13 +150,13 @@ def stack_hemispherical_reflectance(
 
 
 def split_reflectance_factor(
-    albedo: Float[_Numbers, "*batch layers"],
-    optical_thickness: Float[_Numbers, "*batch layers"],
-    substrate_reflectance: Float[_Numbers, "*batch"],
+    albedo: Float[Numbers, "*batch layers"],
+    optical_thickness: Float[Numbers, "*batch layers"],
+    substrate_reflectance: Float[Numbers, "*batch"],
     *,
-    refractive_index: float | Float[_Numbers, "*batch"] = 1.5,
-    cos_incidence: Float[_Numbers, "*batch"] = 1.0,
-    cos_viewing: Float[_Numbers, "*batch"] = 1.0,
+    refractive_index: float | Float[Numbers, "*batch"] = 1.5,
+    cos_incidence: Float[Numbers, "*batch"] = 1.0,
+    cos_viewing: Float[Numbers, "*batch"] = 1.0,
     tolerance: float = 1e-6,
     method: Method = "ordinates",
 ) -> Split:
@@ -174,12 +177,12 @@ def split_reflectance_factor(
 
 
 def split_hemispherical_reflectance(
-    albedo: Float[_Numbers, "*batch layers"],
-    optical_thickness: Float[_Numbers, "*batch layers"],
-    substrate_reflectance: Float[_Numbers, "*batch"],
+    albedo: Float[Numbers, "*batch layers"],
+    optical_thickness: Float[Numbers, "*batch layers"],
+    substrate_reflectance: Float[Numbers, "*batch"],
     *,
-    refractive_index: float | Float[_Numbers, "*batch"] = 1.5,
-    cos_incidence: Float[_Numbers, "*batch"] = 1.0,
+    refractive_index: float | Float[Numbers, "*batch"] = 1.5,
+    cos_incidence: Float[Numbers, "*batch"] = 1.0,
     tolerance: float = 1e-6,
     method: Method = "ordinates",
 ) -> Split:
@@ -202,48 +205,22 @@ def split_hemispherical_reflectance(
 class _Inputs(NamedTuple):
     """The arguments as given."""
 
-    albedo: _Numbers
-    optical_thickness: _Numbers
-    substrate_reflectance: _Numbers
-    refractive_index: _Numbers
-    cos_incidence: _Numbers
-    cos_viewing: _Numbers | None
+    albedo: Numbers
+    optical_thickness: Numbers
+    substrate_reflectance: Numbers
+    refractive_index: Numbers
+    cos_incidence: Numbers
+    cos_viewing: Numbers | None
 
 
-_RANGES: dict[str, tuple[str, Callable[[np.ndarray], np.ndarray]]] = {
-    "albedo": ("in [0, 1]", lambda x: (x >= 0) & (x <= 1)),
-    "optical_thickness": (">= 0 and finite", lambda x: (x >= 0) & np.isfinite(x)),
-    "substrate_reflectance": ("in [0, 1] (a fraction, not percent)", lambda x: (x >= 0) & (x <= 1)),
-    "refractive_index": ("in [1, 2.5]", lambda x: (x >= INDEX_RANGE[0]) & (x <= INDEX_RANGE[1])),
-    "cos_incidence": ("in (0, 1] (a cosine, not an angle)", lambda x: (x > 0) & (x <= 1)),
-    "cos_viewing": ("in (0, 1] (a cosine, not an angle)", lambda x: (x > 0) & (x <= 1)),
-}
+def check_method(method: str) -> None:
+    """Refuse a method there is not.
 
-
-def _concrete(value: _Numbers) -> np.ndarray | None:
-    """The value as a numpy array, or None while it is traced by jit or vmap."""
-    # A value that is only differentiated by is known; one that jit traces is not. Constants must not pass through a
-    # JAX function, which under jit would trace them too.
-    known = jax.lax.stop_gradient(value) if isinstance(value, Tracer) else value
-    try:
-        return np.asarray(known)
-    except jax.errors.TracerArrayConversionError:
-        return None
-
-
-def _check(inputs: _Inputs, tolerance: float, method: str) -> None:
+    Raises:
+        ValueError: names it and those there are.
+    """
     if method not in get_args(Method):
         raise ValueError(f"method {method!r} is unknown; use one of {', '.join(map(repr, get_args(Method)))}")
-    if not 0 < tolerance < 1:
-        raise ValueError(f"tolerance is {tolerance}; it must be between 0 and 1, such as 1e-6")
-    for name, value in inputs._asdict().items():
-        known = None if value is None else _concrete(value)
-        if known is None:
-            continue
-        words, test = _RANGES[name]
-        good = test(known)
-        if not np.all(good):
-            raise ValueError(f"{name} holds {known[~good].flat[0]}; it must be {words}")
 
 
 def _evaluate(inputs: _Inputs, tolerance: float, method: str) -> Array:
@@ -258,27 +235,16 @@ def _evaluate_split(inputs: _Inputs, tolerance: float, method: str) -> Split:
 
 def _prepare(inputs: _Inputs, tolerance: float, method: str) -> tuple[Stack, _Options, tuple[int, ...]]:
     """Checked arguments as a flat batch of stacks, what is fixed in the program, and the batch's shape."""
-    _check(inputs, tolerance, method)
+    check_method(method)
+    check_tolerance(tolerance)
+    check_values(inputs._asdict())
     dtype = jnp.result_type(float)
     albedo, thickness = jnp.asarray(inputs.albedo, dtype), jnp.asarray(inputs.optical_thickness, dtype)
-    if albedo.ndim == 0 or thickness.ndim == 0:
-        raise ValueError("albedo and optical_thickness need a last axis of layers; a single layer is [q]")
-    layers = (albedo.shape[-1], thickness.shape[-1])
-    if layers[0] != layers[1] and 1 not in layers:
-        raise ValueError(f"albedo has {layers[0]} layers (last axis) but optical_thickness has {layers[1]}")
-    count = max(layers) if 0 not in layers else 0
-    if count == 0:  # A bare ground is the ground under an empty layer.
-        albedo, thickness = (jnp.zeros((*array.shape[:-1], 1), dtype) for array in (albedo, thickness))
-        count = 1
+    albedo, thickness, count = at_least_one_layer(albedo, thickness)
     names = ("substrate_reflectance", "refractive_index", "cos_incidence", "cos_viewing")
     rest = {name: jnp.asarray(v, dtype) for name in names if (v := getattr(inputs, name)) is not None}
     shapes = {"albedo": albedo.shape[:-1], "optical_thickness": thickness.shape[:-1]}
-    shapes |= {name: array.shape for name, array in rest.items()}
-    try:
-        batch = jnp.broadcast_shapes(*shapes.values())
-    except ValueError:
-        listing = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
-        raise ValueError(f"batch shapes do not broadcast: {listing} (layers, the last axis, not counted)") from None
+    batch = batch_shape(shapes | {name: array.shape for name, array in rest.items()})
     size = int(np.prod(batch))
 
     def flat(array: Array) -> Array:
@@ -287,7 +253,7 @@ def _prepare(inputs: _Inputs, tolerance: float, method: str) -> tuple[Stack, _Op
     def flat_layers(array: Array) -> Array:
         return jnp.broadcast_to(array, (*batch, count)).reshape(size, count)
 
-    index = _concrete(inputs.refractive_index)
+    index = concrete(inputs.refractive_index)
     number = inputs.refractive_index
     fixed = float(number) if isinstance(number, int | float | np.floating | np.integer) else None
     if index is None or index.size == 0:
@@ -316,7 +282,7 @@ def _resolve(
 ) -> tuple[Resolution | Mesh, int]:
     """The method's resolution, and how many stacks go through the processor at a time."""
     if method == "auxiliary":
-        known = _concrete(inputs.optical_thickness)
+        known = concrete(inputs.optical_thickness)
         thickest = np.inf if known is None else float(known.max(initial=0.0))
         mesh = auxiliary_graded.resolve(tolerance, thickest, indices[0])
         return mesh, max(1, _AUXILIARY_CHUNK_BYTES // auxiliary_graded.bytes_each(mesh, layers, itemsize))

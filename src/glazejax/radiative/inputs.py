@@ -1,0 +1,89 @@
+"""What the functions of this package are given: one check of values and one rule of shapes for all of them."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeAlias
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import ArrayLike
+
+Numbers: TypeAlias = ArrayLike | Sequence[Any]
+
+INDEX_RANGE = (1.0, 2.5)
+"""Refractive indices the directions were calibrated for."""
+
+_RANGES: dict[str, tuple[str, Callable[[np.ndarray], np.ndarray]]] = {
+    "albedo": ("in [0, 1]", lambda x: (x >= 0) & (x <= 1)),
+    "optical_thickness": (">= 0 and finite", lambda x: (x >= 0) & np.isfinite(x)),
+    "substrate_reflectance": ("in [0, 1] (a fraction, not percent)", lambda x: (x >= 0) & (x <= 1)),
+    "refractive_index": ("in [1, 2.5]", lambda x: (x >= INDEX_RANGE[0]) & (x <= INDEX_RANGE[1])),
+    "cos_incidence": ("in (0, 1] (a cosine, not an angle)", lambda x: (x > 0) & (x <= 1)),
+    "cos_viewing": ("in (0, 1] (a cosine, not an angle)", lambda x: (x > 0) & (x <= 1)),
+}
+
+
+def concrete(value: Numbers) -> np.ndarray | None:
+    """The value as a numpy array, or None while it is traced by jit or vmap.
+
+    A value that is only differentiated by is known here (`glazejax.spectra.concrete` counts it as traced).
+    """
+    # Constants must not pass through a JAX function, which under jit would trace them too.
+    known = jax.lax.stop_gradient(value) if isinstance(value, Tracer) else value
+    try:
+        return np.asarray(known)
+    except jax.errors.TracerArrayConversionError:
+        return None
+
+
+def check_values(given: Mapping[str, Numbers | None]) -> None:
+    """Refuse known values out of their range, by the name of the argument; None is an argument not given.
+
+    Raises:
+        ValueError: names the argument, the value and the range.
+    """
+    for name, value in given.items():
+        known = None if value is None else concrete(value)
+        words, test = _RANGES[name]
+        if known is not None and not np.all(good := test(known)):
+            raise ValueError(f"{name} holds {known[~good].flat[0]}; it must be {words}")
+
+
+def check_tolerance(tolerance: float) -> None:
+    """Refuse a tolerance that is not between 0 and 1.
+
+    Raises:
+        ValueError: names the value.
+    """
+    if not 0 < tolerance < 1:
+        raise ValueError(f"tolerance is {tolerance}; it must be between 0 and 1, such as 1e-6")
+
+
+def at_least_one_layer(albedo: Any, thickness: Any, *, xp: Any = jnp) -> tuple[Any, Any, int]:
+    """Albedo and optical thickness with a last axis of layers, and how many; a bare ground gets one empty layer.
+
+    Raises:
+        ValueError: an axis of layers is missing, or the two have different ones.
+    """
+    if albedo.ndim == 0 or thickness.ndim == 0:
+        raise ValueError("albedo and optical_thickness need a last axis of layers; a single layer is [q]")
+    layers = (albedo.shape[-1], thickness.shape[-1])
+    if layers[0] != layers[1] and 1 not in layers:
+        raise ValueError(f"albedo has {layers[0]} layers (last axis) but optical_thickness has {layers[1]}")
+    if 0 in layers:
+        albedo, thickness = (xp.zeros((*array.shape[:-1], 1), array.dtype) for array in (albedo, thickness))
+    return albedo, thickness, max(albedo.shape[-1], thickness.shape[-1])
+
+
+def batch_shape(shapes: Mapping[str, tuple[int, ...]], last: str = "layers") -> tuple[int, ...]:
+    """Shape that all batch shapes broadcast to; ``last`` says what was on the axis that they leave out.
+
+    Raises:
+        ValueError: they do not; lists them by name.
+    """
+    try:
+        return np.broadcast_shapes(*shapes.values())
+    except ValueError:
+        listing = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
+        raise ValueError(f"batch shapes do not broadcast: {listing} ({last}, the last axis, not counted)") from None
