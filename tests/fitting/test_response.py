@@ -1,0 +1,87 @@
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from glazefit.response import FilmResponse, film_response
+from glazejax import Bidirectional, Hemispherical
+from glazejax.radiative.stack import stack_hemispherical_reflectance, stack_reflectance_factor
+
+SPHERE = Hemispherical()
+
+
+@pytest.fixture(scope="module")
+def table() -> FilmResponse:
+    return film_response(SPHERE)
+
+
+def random_films(count: int = 500) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(5)
+    return (
+        np.exp(rng.uniform(np.log(1e-7), np.log(100), count)),
+        np.exp(rng.uniform(np.log(1e-7), np.log(400), count)),
+        rng.uniform(0, 1, count),
+    )
+
+
+def solved(kd, sd, ground, tolerance=1e-7):
+    depth = kd + sd
+    albedo = sd / np.where(depth > 0, depth, 1.0)
+    return np.asarray(
+        stack_hemispherical_reflectance(
+            albedo[:, None], depth[:, None], ground, cos_incidence=SPHERE.cos_incidence, tolerance=tolerance
+        )
+    )
+
+
+def test_equals_the_solver(table):
+    films = random_films()
+    np.testing.assert_allclose(table.body(*films), solved(*films), atol=5e-6)
+
+
+def test_clear_and_opaque_ends(table):
+    kd = np.array([0.0, 0.0, 1e4, 0.0, 5.0])
+    sd = np.array([0.0, 3.0, 0.0, 1e4, 1e5])
+    ground = np.array([0.9, 0.9, 0.9, 0.0, 0.5])
+    values = np.asarray(table.body(kd, sd, ground))
+    # Beyond the table its ends hold: an opaque film's own k/s is then the end's, so only the first three are exact.
+    np.testing.assert_allclose(values[:3], solved(kd, sd, ground)[:3], atol=5e-6)
+    assert np.all(np.isfinite(values))
+    assert np.all((values >= 0) & (values < 1))
+
+
+def test_slopes_equal_finite_differences_of_the_solver(table):
+    kd, sd, ground = np.array([1e-3, 0.3, 2.0]), np.array([4.0, 0.2, 9.0]), np.array([0.93, 0.5, 0.02])
+    for which in (0, 1):
+        films = [kd, sd]
+        step = 1e-3 * films[which]
+        up, down = ([f + sign * step * (i == which) for i, f in enumerate(films)] for sign in (1, -1))
+        expected = (solved(up[0], up[1], ground, 1e-9) - solved(down[0], down[1], ground, 1e-9)) / (2 * step)
+        slope = jax.grad(lambda k, s: jnp.sum(table.body(k, s, ground)), argnums=which)(kd, sd)
+        np.testing.assert_allclose(slope, expected, rtol=2e-3, atol=1e-5)
+
+
+def test_slopes_are_finite_at_the_ends(table):
+    ends = np.array([0.0, 0.0, 1e5, 0.0]), np.array([0.0, 1.0, 0.0, 1e5])
+    slopes = jax.grad(lambda k, s: jnp.sum(table.body(k, s, 0.9)), argnums=(0, 1))(*ends)
+    assert np.all(np.isfinite(slopes))
+
+
+def test_reflectance_factor():
+    table = film_response(Bidirectional(45, 0), 1.4)
+    kd, sd, ground = random_films(100)
+    depth = kd + sd
+    expected = stack_reflectance_factor(
+        (sd / depth)[:, None],
+        depth[:, None],
+        ground,
+        refractive_index=1.4,
+        cos_incidence=np.cos(np.pi / 4),
+        tolerance=1e-7,
+    )
+    np.testing.assert_allclose(table.body(kd, sd, ground), expected, atol=5e-6)
+
+
+def test_many_angles_are_refused():
+    with pytest.raises(ValueError, match="numbers, not as arrays"):
+        film_response(Hemispherical([0.0, 8.0]))
