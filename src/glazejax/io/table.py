@@ -1,50 +1,24 @@
-"""Tables of spectra in, tables of results out; every error is one line that names file, line and column."""
+"""Text tables of spectra, wide or long; every error is one line that names file, line and column."""
 
 import csv
-import io
 import math
 import re
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
-from .spectra import as_fraction, describe_grid, validate_wavelengths
+from ..spectra import validate_wavelengths
+from .finish import RawSpectra, nanometres
+from .sniff import decode
 
 _WAVELENGTH_TITLE = re.compile(r"^(wave\s*length|wl\b|wvl?\b|lambda|λ|nm\b|\[?nm\]?$)", re.IGNORECASE)
+_VALUE_TITLE = re.compile(r"^(reflectance|refl\b|r\b|%r\b|value|intensity)", re.IGNORECASE)
+_NAME_TITLE = re.compile(r"^(name|sample|id\b|paint|pigment|patch|label|spectrum)", re.IGNORECASE)
 _LAYOUTS = "expected 'Name,400,410,...' with a sample a row, or 'wavelength,sample,...' with a sample a column"
 _NANOMETRES = re.compile(r"\s*\[?\(?nm\)?\]?$", re.IGNORECASE)
-
-
-@dataclass(frozen=True)
-class SpectraTable:
-    """Measured spectra that share a grid.
-
-    Attributes:
-        wavelengths: (bands,), nm, ascending.
-        names: one a row, all different.
-        reflectance: (rows, bands), fraction.
-        notes: sentences on what the reader changed or noticed.
-    """
-
-    wavelengths: Float[np.ndarray, "bands"]
-    names: tuple[str, ...]
-    reflectance: Float[np.ndarray, "rows bands"]
-    notes: list[str] = field(default_factory=list)
-
-    def __len__(self) -> int:
-        return len(self.names)
-
-    def __getitem__(self, name: str) -> Float[np.ndarray, "bands"]:
-        """Spectrum of one sample; KeyError if there is none of that name."""
-        if name not in self.names:
-            raise KeyError(f"no spectrum is called {name!r}")
-        return self.reflectance[self.names.index(name)]
-
-    def __repr__(self) -> str:
-        return f"SpectraTable({len(self)} spectra, {describe_grid(self.wavelengths)})"
 
 
 @dataclass(frozen=True)
@@ -61,38 +35,44 @@ class _Cells:
         return ValueError(f"{self.path}, line {line}: {complaint}")
 
 
-def read_spectra(path: str | Path) -> SpectraTable:
+def read_table(path: Path) -> RawSpectra:
     """Read reflectance spectra from a text table.
 
-    Two layouts are told apart by their header: wide, ``Name,400,410,...`` with a sample a row, and long,
-    ``wavelength,sample A,sample B,...`` with a sample a column. Cells are separated by tabs, commas,
-    semicolons or blanks; wavelengths may carry "nm"; a decimal comma is understood unless commas
-    separate; empty lines and lines that start with # are skipped. Values are fractions or percent (see
-    `glazejax.spectra.as_fraction`).
+    Three layouts are told apart by their header: wide, ``Name,400,410,...`` with a sample a row; long,
+    ``wavelength,sample A,sample B,...`` with a sample a column; and longest, ``name,wavelength,reflectance``
+    with a value a row. Cells are separated by tabs, commas, semicolons or blanks; wavelengths may carry "nm"; a
+    decimal comma is understood unless commas separate; empty lines and lines that start with # are skipped, but
+    ``# unit: fraction`` or ``# unit: percent`` on the first line declares what values are.
 
     Raises:
-        FileNotFoundError: no such file.
         ValueError: the file is empty, not text, has no wavelengths in its header, wavelengths that do not
-            ascend, a ragged row, a cell that is not a finite number, a negative value, percent mixed with
-            fractions, or two samples of one name. The message is one line and says where.
+            ascend, a ragged row, a cell that is not a finite number, a negative value, or two samples of one
+            name. The message is one line and says where.
     """
-    cells = _read_cells(Path(path))
+    cells = _read_cells(path)
     if not cells.rows:
         raise ValueError(f"{cells.path}: there is a header but no data below it")
-    names, wavelengths, values = _read_long(cells) if _is_long(cells) else _read_wide(cells)
-    try:
-        fraction, note = as_fraction(values, names)
-    except ValueError as error:
-        raise ValueError(f"{cells.path}: {error}") from None
-    return SpectraTable(wavelengths, tuple(names), fraction, [] if note is None else [note])
+    scale = _declared_scale(path)
+    kind = {"\t": "TSV", ",": "CSV", ";": "semicolon-separated", " ": "blank-separated"}[cells.delimiter]
+    if (order := _triples(cells)) is not None:
+        names, wavelengths, values = _read_triples(cells, *order)
+        return RawSpectra(wavelengths, names, values, f"{kind} table, a value a row", scale=scale, by_hand=True)
+    if _is_long(cells):
+        names, wavelengths, values = _read_long(cells)
+        return RawSpectra(wavelengths, names, values, f"{kind} table, a sample a column", scale=scale, by_hand=True)
+    names, wavelengths, values = _read_wide(cells)
+    return RawSpectra(wavelengths, names, values, f"{kind} table, a sample a row", scale=scale, by_hand=True)
+
+
+def _declared_scale(path: Path) -> float | None:
+    """Value that stands for a reflectance of 1, if the first line is a comment that says so."""
+    with path.open(encoding="utf-8-sig") as file:
+        said = re.match(r"#\s*unit:?\s*(fraction|percent)\s*$", file.readline(), re.IGNORECASE)
+    return None if said is None else {"fraction": 1.0, "percent": 100.0}[said[1].lower()]
 
 
 def _read_cells(path: Path) -> _Cells:
     """Cut a text file into cells, all rows as long as the header."""
-    if not path.exists():
-        raise FileNotFoundError(f"{path}: there is no such file")
-    if path.is_dir():
-        raise ValueError(f"{path}: this is a folder, not a table of spectra")
     try:
         text = path.read_bytes().decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -243,43 +223,64 @@ def _check_name(cells: _Cells, line: int, name: str, seen: dict[str, int]) -> No
         raise cells.error(line, f"sample {name!r} is already on line {seen[name]}; names must differ")
 
 
-def write_table(
-    path: str | Path, header: Sequence[str], rows: Iterable[Sequence[object]], *, overwrite: bool = False
-) -> None:
-    """Write a table as CSV, or tab separated if the name ends in .tsv.
+def _triples(cells: _Cells) -> tuple[int, int, int] | None:
+    """Columns of name, wavelength and value in a table of a value a row, or None if it is another layout."""
+    if len(cells.header) != 3:
+        return None
+    titled = [i for i, title in enumerate(cells.header) if _WAVELENGTH_TITLE.match(title)]
+    valued = [i for i, title in enumerate(cells.header) if _VALUE_TITLE.match(title)]
+    named = [i for i, title in enumerate(cells.header) if _NAME_TITLE.match(title)]
+    if len(titled) == len(valued) == len(named) == 1 and len({*titled, *valued, *named}) == 3:
+        return named[0], titled[0], valued[0]
+    return None
 
-    Nothing is written unless every row fits the header.
 
-    Args:
-        path: file to write; its folder must exist.
-        header: titles of the columns.
-        rows: cells of each row; numbers are written so that they read back exactly.
-        overwrite: whether a file that exists may be replaced.
+def _read_triples(
+    cells: _Cells, name_at: int, wavelength_at: int, value_at: int
+) -> tuple[list[str], Float[np.ndarray, "bands"], Float[np.ndarray, "rows bands"]]:
+    """Names, wavelengths and values of a table with a value a row; all samples must have the same wavelengths."""
+    spectra: dict[str, dict[float, float]] = {}
+    for line, row in cells.rows:
+        name, title = row[name_at], row[wavelength_at]
+        wavelength = _wavelength(title, cells.delimiter)
+        if not name:
+            raise cells.error(line, "a sample has no name")
+        if wavelength is None:
+            raise cells.error(line, f"column {cells.header[wavelength_at]!r}: {title!r} is not a wavelength in nm")
+        spectrum = spectra.setdefault(name, {})
+        if wavelength in spectrum:
+            raise cells.error(line, f"sample {name!r} has a value at {title} nm already")
+        spectrum[wavelength] = _value(cells, line, name, cells.header[value_at], row[value_at])
+    grid = _check_grid(cells, sorted({w for spectrum in spectra.values() for w in spectrum}))
+    for name, spectrum in spectra.items():
+        if len(spectrum) != grid.size:
+            missing = next(w for w in grid if w not in spectrum)
+            raise ValueError(f"{cells.path}: sample {name!r} has no value at {missing:g} nm, where others have one")
+    return list(spectra), grid, np.array([[spectrum[w] for w in grid] for spectrum in spectra.values()])
+
+
+def read_columns(path: Path) -> RawSpectra:
+    """Read columns of numbers without a header, as spectrometers write them: wavelengths in nm, then a spectrum each.
 
     Raises:
-        FileExistsError: the file exists and `overwrite` is false.
-        FileNotFoundError: its folder does not exist.
-        ValueError: a row has another number of cells than the header.
+        ValueError: a row of another length, a cell that is not a number, or first columns that are no wavelengths.
     """
-    path = Path(path)
-    if not path.parent.is_dir():
-        raise FileNotFoundError(f"{path}: the folder {path.parent} does not exist")
-    if path.exists() and not overwrite:
-        raise FileExistsError(f"{path} exists; choose another name, or replace it with --overwrite")
-    text = io.StringIO()
-    writer = csv.writer(text, delimiter="\t" if path.suffix.lower() == ".tsv" else ",", lineterminator="\n")
-    writer.writerow(header)
-    for number, row in enumerate(rows, start=1):
-        if len(row) != len(header):
-            raise ValueError(f"{path}: row {number} has {len(row)} cells where the header has {len(header)}")
-        writer.writerow([_plain(cell) for cell in row])
-    path.write_text(text.getvalue(), encoding="utf-8")
-
-
-def _plain(cell: object) -> object:
-    """Array scalars as Python's own, which print all their digits whatever NumPy's print options are."""
-    if not hasattr(cell, "dtype"):
-        return cell
-    scalar = np.asarray(cell)[()]
-    # The shortest number that reads back as this one, in its own precision.
-    return float(np.format_float_scientific(scalar)) if isinstance(scalar, np.floating) else scalar.item()
+    rows: list[list[float]] = []
+    for number, line in enumerate(decode(path).splitlines(), start=1):
+        cells = line.split()
+        if not cells or cells[0].startswith("#"):
+            continue
+        try:
+            rows.append([float(cell) for cell in cells])
+        except ValueError:
+            raise ValueError(f"{path}, line {number}: {line.strip()[:40]!r} are not numbers only") from None
+        if len(rows[-1]) != len(rows[0]):
+            raise ValueError(f"{path}, line {number}: {len(rows[-1])} cells where the first row has {len(rows[0])}")
+    table = np.array(rows)
+    wavelengths, notes = nanometres(table[:, 0], None)
+    steps = np.diff(wavelengths)
+    if not (wavelengths.min() >= 100 and (np.all(steps > 0) or np.all(steps < 0))):
+        raise ValueError(f"{path}: numbers only, and the first column is no row of wavelengths; {_LAYOUTS}")
+    names = [f"column {i}" for i in range(2, table.shape[1] + 1)]
+    notes.append("there is no header: spectra are named by their column")
+    return RawSpectra(wavelengths, names, table[:, 1:].T, "columns of numbers without a header", notes)

@@ -1,0 +1,8 @@
+"""Files of spectra in and out: tables, ENVI, CGATS, CxF3, JCAMP-DX, ASD; each format is told by its content."""
+
+from .containers import SpectraCube, SpectraTable
+from .read import read_cube, read_spectra
+from .resample import resample
+from .write import write_spectra, write_table
+
+__all__ = ["SpectraCube", "SpectraTable", "read_cube", "read_spectra", "resample", "write_spectra", "write_table"]

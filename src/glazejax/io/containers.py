@@ -1,0 +1,132 @@
+"""What files hold: a table of spectra, an image of spectra, and the raw numbers that a reader hands over."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ..spectra import describe_grid
+
+# A table of more pixels than this is no table any more; 200 bands of float64 take 160 MB.
+MAX_PIXELS = 100_000
+
+
+@dataclass(frozen=True)
+class SpectraTable:
+    """Measured spectra that share a grid.
+
+    Attributes:
+        wavelengths: (bands,), nm, ascending.
+        names: one a row, all different.
+        reflectance: (rows, bands), fraction.
+        notes: sentences on what the reader changed or noticed.
+        format: what the file was, such as ``ENVI spectral library``; empty if it came from none.
+        unit: ``fraction`` or ``percent``, as it was in the file.
+        attributes: what else the file says of each spectrum: a title, and one text a row.
+    """
+
+    wavelengths: Float[np.ndarray, "bands"]
+    names: tuple[str, ...]
+    reflectance: Float[np.ndarray, "rows bands"]
+    notes: list[str] = field(default_factory=list)
+    format: str = ""
+    unit: str = "fraction"
+    attributes: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def __getitem__(self, name: str) -> Float[np.ndarray, "bands"]:
+        """Spectrum of one sample; KeyError if there is none of that name."""
+        if name not in self.names:
+            raise KeyError(f"no spectrum is called {name!r}")
+        return self.reflectance[self.names.index(name)]
+
+    def __repr__(self) -> str:
+        return f"SpectraTable({len(self)} spectra, {describe_grid(self.wavelengths)})"
+
+
+@dataclass(frozen=True)
+class SpectraCube:
+    """Image of spectra that stays on disk: ``cube[lines, samples]`` reads what it is asked for.
+
+    Attributes:
+        wavelengths: (bands,), nm, ascending.
+        raw: (lines, samples, stored bands), memory map of the file's own numbers.
+        bands: (bands,), which of the stored bands are used, in the order of `wavelengths`.
+        scale: number in the file that stands for a reflectance of 1.
+        ignore: number that marks missing data, or None.
+        notes: sentences on what the reader changed or noticed.
+        format: what the file was.
+        unit: ``fraction``, ``percent`` or ``scaled``, as it was in the file.
+        path: file that holds the numbers.
+    """
+
+    wavelengths: Float[np.ndarray, "bands"]
+    raw: np.ndarray
+    bands: Int[np.ndarray, "bands"]
+    scale: float
+    ignore: float | None
+    notes: list[str]
+    format: str
+    unit: str
+    path: Path
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Lines, samples (pixels a line) and bands."""
+        return int(self.raw.shape[0]), int(self.raw.shape[1]), int(self.bands.size)
+
+    def __getitem__(self, window: Any) -> Float[np.ndarray, "*window bands"]:
+        """Reflectance (fraction, float64) of a pixel or a window of lines and samples; NaN where data are missing."""
+        if isinstance(window, tuple) and len(window) > 2:
+            raise IndexError("a cube is indexed by lines and samples; take bands from the result")
+        raw = np.asarray(self.raw[window])[..., self.bands]
+        values = raw.astype(np.float64)
+        if self.ignore is not None and not np.isnan(self.ignore):
+            # In the file's own type, where the mark is exact.
+            values[raw == np.asarray(self.ignore).astype(raw.dtype)] = np.nan
+        return values / self.scale
+
+    def table(self) -> SpectraTable:
+        """All pixels as a table, named ``line 1 sample 1`` and so on; pixels that lack data are left out, with a note.
+
+        Raises:
+            ValueError: there are more than 100 000 pixels, or all lack data.
+        """
+        from .finish import RawSpectra, finish
+
+        lines, samples, _ = self.shape
+        if lines * samples > MAX_PIXELS:
+            raise ValueError(
+                f"{self.path}: {lines} x {samples} pixels are too many for a table of spectra (at most {MAX_PIXELS}); "
+                "use glazejax.io.read_cube and take windows of it"
+            )
+        values = self[:, :].reshape(lines * samples, -1)
+        names = [f"line {i + 1} sample {j + 1}" for i in range(lines) for j in range(samples)]
+        raw = RawSpectra(
+            self.wavelengths,
+            names,
+            values,
+            self.format,
+            self.notes,
+            scale=1.0,
+            missing="drop",
+            # A camera's noise and glare are what they are; one pixel must not make an image unreadable.
+            lowest=-np.inf,
+            highest=np.inf,
+        )
+        return finish(raw, self.path, unit=self.unit)
+
+    def __repr__(self) -> str:
+        lines, samples, _ = self.shape
+        return f"SpectraCube({lines} lines x {samples} samples, {describe_grid(self.wavelengths)})"
+
+
+def listed(names: Sequence[str]) -> str:
+    """First few of some names."""
+    more = f" and {len(names) - 3} more" if len(names) > 3 else ""
+    return ", ".join(names[:3]) + more

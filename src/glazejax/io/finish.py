@@ -1,0 +1,219 @@
+"""From a reader's raw numbers to a table of reflectance: one place for the rules that all formats share.
+
+Unit: what the file declares. Else a table made by hand is held to `glazejax.spectra.as_fraction`, which looks for
+units that were mixed; a file that an instrument wrote has one unit, and the median of its spectra's peaks says which.
+So a few highlights of 2 in a large library of fractions do not pass for percent. Values above 1 stay, with a note:
+fluorescence, highlights and calibration against a grey white all give them. Negative values down to -0.01 are an
+instrument's noise about black and become 0, with a note; further below they are an error. Bands are sorted by
+wavelength. Names are made different by numbers.
+"""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from jaxtyping import Float
+
+from ..spectra import MAX_FRACTION, MIN_PERCENT, as_fraction, validate_wavelengths
+from .containers import SpectraTable, listed
+
+# CxF3's own bound for a reflectance. Above it the unit or the scale that the file declares is wrong.
+MAX_DECLARED = 3.0
+# Dark signal of a spectrometer is known to about this.
+MAX_NOISE = 0.01
+
+
+@dataclass(frozen=True)
+class RawSpectra:
+    """Numbers as a reader found them.
+
+    Attributes:
+        wavelengths: (bands,), nm, in any order.
+        names: one a row; they may repeat or be empty.
+        values: (rows, bands), fraction or percent or scaled; NaN where missing.
+        format: what the file is.
+        notes: what the reader noticed.
+        scale: number that stands for a reflectance of 1, if the file says so; None to detect percent.
+        missing: ``refuse`` values that are not finite; or ``drop`` bands that have none in any spectrum,
+            and then spectra that lack one.
+        attributes: what else the file says of each row.
+        by_hand: whether people make such files, who may mix units.
+        lowest: value (fraction) below which it is no noise any more.
+        highest: value (fraction) above which the unit must be wrong.
+    """
+
+    wavelengths: Float[np.ndarray, "bands"]
+    names: Sequence[str]
+    values: Float[np.ndarray, "rows bands"]
+    format: str
+    notes: Sequence[str] = ()
+    scale: float | None = None
+    missing: Literal["refuse", "drop"] = "refuse"
+    attributes: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    by_hand: bool = False
+    lowest: float = -MAX_NOISE
+    highest: float = MAX_DECLARED
+
+
+def finish(raw: RawSpectra, path: Path, *, unit: str | None = None) -> SpectraTable:
+    """Check raw spectra and express them as fractions on an ascending grid.
+
+    Args:
+        raw: what a reader found.
+        path: file, for the errors.
+        unit: what to say of the file's unit; left out, it is told from the scale.
+
+    Raises:
+        ValueError: no spectra, a grid or values that are not legal; one line that names the file.
+    """
+    try:
+        return _finish(raw, unit)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def _finish(raw: RawSpectra, unit: str | None) -> SpectraTable:
+    """Table of raw spectra; errors do not name the file."""
+    if not len(raw.names):
+        raise ValueError("the file holds no spectra")
+    notes = list(raw.notes)
+    names = different([name.strip() or f"spectrum {i + 1}" for i, name in enumerate(raw.names)], notes)
+    values, wavelengths = np.asarray(raw.values, np.float64), np.asarray(raw.wavelengths, np.float64)
+    if np.isfinite(wavelengths).all() and (np.diff(wavelengths) < 0).any():
+        order = np.argsort(wavelengths, kind="stable")
+        notes.append("bands were sorted by wavelength")
+        wavelengths, values = wavelengths[order], values[:, order]
+    rows = list(range(len(names)))
+    if raw.missing == "drop":
+        wavelengths, values, rows = _without_missing(wavelengths, values, names, notes)
+        names = [names[i] for i in rows]
+    grid = validate_wavelengths(wavelengths)
+    values, found = _fractions(raw, values, names, notes)
+    attributes = {title: tuple(column[i] for i in rows) for title, column in raw.attributes.items()}
+    return SpectraTable(grid, tuple(names), values, notes, raw.format, unit or found, attributes)
+
+
+def _without_missing(
+    wavelengths: Float[np.ndarray, "bands"],
+    values: Float[np.ndarray, "rows bands"],
+    names: Sequence[str],
+    notes: list[str],
+) -> tuple[Float[np.ndarray, "kept"], Float[np.ndarray, "full kept"], list[int]]:
+    """Without bands that have no data at all and spectra that still lack some; rows that are kept."""
+    there = np.isfinite(values)
+    bands = there.any(axis=0)
+    if not bands.any():
+        raise ValueError("no spectrum has any data")
+    if not bands.all():
+        notes.append(f"{(~bands).sum()} bands without data are left out")
+    rows: np.ndarray = np.all(there[:, bands], axis=1)
+    if not rows.any():
+        raise ValueError("every spectrum lacks data at some wavelength")
+    if not rows.all():
+        lost = [name for name, keep in zip(names, rows, strict=True) if not keep]
+        notes.append(f"{len(lost)} spectra that lack data are left out: {listed(lost)}")
+    return wavelengths[bands], values[rows][:, bands], [i for i, keep in enumerate(rows) if keep]
+
+
+def _fractions(
+    raw: RawSpectra, values: Float[np.ndarray, "rows bands"], names: Sequence[str], notes: list[str]
+) -> tuple[Float[np.ndarray, "rows bands"], str]:
+    """Reflectance as a fraction, and the unit it was in."""
+    wrong = ~np.isfinite(values)
+    if wrong.any():
+        i, j = (int(k) for k in np.argwhere(wrong)[0])
+        raise ValueError(f"reflectance of {names[i]!r} is not finite at band {j + 1}: {values[i, j]:g}")
+    scale = raw.scale or _detected_scale(np.maximum(values, 0.0), names, raw.by_hand)
+    if scale == 100.0:
+        notes.append("values are in percent; divided by 100")
+    elif scale != 1.0:
+        notes.append(f"the file says that {scale:g} is a reflectance of 1; divided by it")
+    fractions = values / scale
+    i, j = (int(k) for k in np.unravel_index(fractions.argmin(), fractions.shape))
+    if fractions[i, j] < raw.lowest:
+        raise ValueError(
+            f"reflectance of {names[i]!r} is negative at band {j + 1}: {values[i, j]:g}, more than noise "
+            f"(down to {raw.lowest * scale:g})"
+        )
+    if fractions[i, j] < 0:
+        count = int((fractions < 0).sum())
+        notes.append(f"{count} values slightly below 0 (noise, down to {fractions[i, j]:.2g}) became 0")
+        fractions = np.maximum(fractions, 0.0)
+    peaks = fractions.max(axis=1)
+    worst = int(peaks.argmax())
+    if peaks[worst] > raw.highest:
+        raise ValueError(
+            f"reflectance of {names[worst]!r} reaches {peaks[worst]:g} as a fraction, where {raw.highest:g} is the "
+            "most: is the file's unit or scale factor right?"
+        )
+    bright = listed([name for name, peak in zip(names, peaks, strict=True) if peak > 1])
+    if bright:
+        verb = "exceeds" if (peaks > 1).sum() == 1 else "exceed"
+        causes = "fluorescence, highlights or calibration"
+        notes.append(f"{bright} {verb} a reflectance of 1, up to {peaks[worst]:.3g} ({causes}); kept")
+    return fractions, {1.0: "fraction", 100.0: "percent"}.get(scale, "scaled")
+
+
+def _detected_scale(values: Float[np.ndarray, "rows bands"], names: Sequence[str], by_hand: bool) -> float:
+    """100 for values in percent, 1 for fractions."""
+    if by_hand:
+        return 1.0 if as_fraction(values, names)[1] is None else 100.0
+    peaks = values.max(axis=1)
+    percent = bool(np.median(peaks) > MIN_PERCENT)
+    strange = peaks <= MAX_FRACTION if percent else peaks > MAX_DECLARED
+    if strange.any():
+        odd = listed([name for name, is_odd in zip(names, strange, strict=True) if is_odd])
+        most, others = ("percent", "fractions") if percent else ("fractions", "percent or something else")
+        raise ValueError(f"percent and fraction are mixed: most spectra are in {most}, {odd} in {others}")
+    return 100.0 if percent else 1.0
+
+
+def different(names: Sequence[str], notes: list[str]) -> list[str]:
+    """Names made different: the second ``red`` becomes ``red (2)``; a note says how many changed."""
+    counts = Counter(names)
+    taken, used, result = set(counts), Counter(), []
+    for name in names:
+        used[name] += 1
+        fresh = name
+        if used[name] > 1:
+            while (fresh := f"{name} ({used[name]})") in taken:
+                used[name] += 1
+            taken.add(fresh)
+        result.append(fresh)
+    repeated = [name for name, count in counts.items() if count > 1]
+    if repeated:
+        notes.append(f"names that repeat were numbered: {listed(repeated)}")
+    return result
+
+
+def nanometres(
+    wavelengths: Float[np.ndarray, "bands"], unit: str | None
+) -> tuple[Float[np.ndarray, "bands"], list[str]]:
+    """Wavelengths in nm from what a file calls their unit, with notes.
+
+    A unit that is not named is micrometres if all are below 100, as no spectrum of paint reaches so far down in nm.
+
+    Raises:
+        ValueError: the unit is not one of nm, um, angstrom, m, 1/cm.
+    """
+    word = (unit or "").strip().strip("{}()[]").strip().lower().replace("µ", "u").replace("μ", "u")
+    if word in {"", "unknown", "<unspecified>", "index", "none"}:
+        if wavelengths.size and np.nanmax(wavelengths) < 100:
+            return wavelengths * 1e3, ["wavelengths without a unit look like micrometres; multiplied by 1000"]
+        return wavelengths, []
+    if word in {"nm", "nanometer", "nanometers", "nanometre", "nanometres"}:
+        return wavelengths, []
+    if word in {"um", "micron", "microns", "micrometer", "micrometers", "micrometre", "micrometres"}:
+        return wavelengths * 1e3, ["wavelengths are in micrometres; multiplied by 1000"]
+    if word in {"a", "å", "angstrom", "angstroms"}:
+        return wavelengths / 10, ["wavelengths are in angstrom; divided by 10"]
+    if word in {"m", "meter", "meters", "metre", "metres"}:
+        return wavelengths * 1e9, ["wavelengths are in metres; multiplied by 1e9"]
+    if word in {"1/cm", "cm-1", "cm^-1", "wavenumber", "wavenumbers"}:
+        if not (wavelengths > 0).all():
+            raise ValueError("wavenumbers must be positive")
+        return 1e7 / wavelengths, ["wavenumbers in 1/cm were turned into wavelengths"]
+    raise ValueError(f"wavelengths are in {unit!r}; known units are nm, um, angstrom, m and 1/cm")

@@ -1,0 +1,53 @@
+"""A table on other wavelengths, by colour-science's interpolators."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from ..spectra import describe_grid, interpolation_matrix, validate_wavelengths
+from .containers import SpectraTable
+
+
+def resample(table: SpectraTable, wavelengths: Float[np.ndarray, "new"] | Sequence[Any]) -> SpectraTable:
+    """Spectra on other wavelengths, as CIE 167:2005 recommends: Sprague's where even, else cubic splines.
+
+    Fewer than six bands are interpolated linearly. Nothing is extrapolated and nothing averaged: `notes` say so
+    where the new step is more than twice the old one. Overshoot below 0 or above a spectrum's own maximum is cut.
+    (`glazejax.spectra.resample` is the linear one for spectra that are differentiated.)
+
+    Args:
+        table: spectra.
+        wavelengths: (new,), nm, ascending, within the table's range.
+
+    Raises:
+        ValueError: the grid is not legal or reaches beyond the table's.
+    """
+    new = validate_wavelengths(wavelengths)
+    old = table.wavelengths
+    interpolation_matrix(old, new)  # refuses what lies outside, by one rule for all
+    inside = np.clip(new, old[0], old[-1])
+    values, how = _interpolate(old, table.reflectance, inside)
+    values = np.clip(values, 0.0, table.reflectance.max(axis=1, keepdims=True))
+    notes = [*table.notes, f"resampled from {describe_grid(old)} to {describe_grid(new)} by {how}"]
+    if new.size > 1 and old.size > 1 and np.diff(new).min() > 2 * np.median(np.diff(old)):
+        notes.append("the new step is much wider than the old one: bands were picked, not averaged")
+    return replace(table, wavelengths=new, reflectance=values, notes=notes)
+
+
+def _interpolate(
+    old: Float[np.ndarray, "bands"], values: Float[np.ndarray, "rows bands"], new: Float[np.ndarray, "new"]
+) -> tuple[Float[np.ndarray, "rows new"], str]:
+    """Values on the new grid, and the method's name."""
+    import colour
+
+    if old.size < 6:
+        return np.stack([np.interp(new, old, row) for row in values]), "linear interpolation"
+    steps = np.diff(old)
+    even = np.allclose(steps, steps[0], rtol=1e-6, atol=0)
+    kind = colour.SpragueInterpolator if even else colour.CubicSplineInterpolator
+    # Both are linear in the values: the images of the unit vectors serve all spectra.
+    matrix = np.stack([np.atleast_1d(kind(old, unit)(new)) for unit in np.eye(old.size)])
+    return values @ matrix, "Sprague interpolation" if even else "cubic splines"

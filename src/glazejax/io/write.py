@@ -1,0 +1,155 @@
+"""Tables of results and spectra out; a file that exists is replaced only if asked for."""
+
+import csv
+import io
+import re
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from ..spectra import MAX_FRACTION
+from .containers import SpectraTable
+from .finish import different
+
+
+def write_table(
+    path: str | Path, header: Sequence[str], rows: Iterable[Sequence[object]], *, overwrite: bool = False
+) -> None:
+    """Write a table as CSV, or tab separated if the name ends in .tsv.
+
+    Nothing is written unless every row fits the header.
+
+    Args:
+        path: file to write; its folder must exist.
+        header: titles of the columns.
+        rows: cells of each row; numbers are written so that they read back exactly.
+        overwrite: whether a file that exists may be replaced.
+
+    Raises:
+        FileExistsError: the file exists and `overwrite` is false.
+        FileNotFoundError: its folder does not exist.
+        ValueError: a row has another number of cells than the header.
+    """
+    path = Path(path)
+    if not path.parent.is_dir():
+        raise FileNotFoundError(f"{path}: the folder {path.parent} does not exist")
+    if path.exists() and not overwrite:
+        raise FileExistsError(f"{path} exists; choose another name, or replace it with --overwrite")
+    text = io.StringIO()
+    writer = csv.writer(text, delimiter="\t" if path.suffix.lower() == ".tsv" else ",", lineterminator="\n")
+    writer.writerow(header)
+    for number, row in enumerate(rows, start=1):
+        if len(row) != len(header):
+            raise ValueError(f"{path}: row {number} has {len(row)} cells where the header has {len(header)}")
+        writer.writerow([_plain(cell) for cell in row])
+    path.write_text(text.getvalue(), encoding="utf-8")
+
+
+def _plain(cell: object) -> object:
+    """Array scalars as Python's own, which print all their digits whatever NumPy's print options are."""
+    if not hasattr(cell, "dtype"):
+        return cell
+    scalar = np.asarray(cell)[()]
+    # The shortest number that reads back as this one, in its own precision.
+    return float(np.format_float_scientific(scalar)) if isinstance(scalar, np.floating) else scalar.item()
+
+
+_ENDINGS = {".csv": "csv", ".tsv": "csv", ".txt": "csv", ".cxf": "cxf", ".xml": "cxf", ".hdr": "envi", ".sli": "envi"}
+# What no format of names can hold: control characters, surrogates, and two that XML forbids.
+_UNFIT = re.compile(r"[\x00-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
+
+
+def write_spectra(
+    table: SpectraTable,
+    path: str | Path,
+    *,
+    format: str | None = None,
+    long: bool = False,
+    overwrite: bool = False,
+) -> list[str]:
+    """Write spectra as fractions, so that `read_spectra` gives the same numbers back, bit for bit.
+
+    Args:
+        table: spectra.
+        path: file to write; of an ENVI library, which is two files, either.
+        format: ``csv`` (tab separated if the name ends in .tsv), ``cxf`` or ``envi``; left out, the name's ending says.
+        long: CSV with a sample a column instead of a sample a row.
+        overwrite: whether files that exist may be replaced.
+
+    Returns:
+        Sentences on what could not be kept as it was, such as a comma in an ENVI name.
+
+    Raises:
+        FileExistsError: a file exists and `overwrite` is false.
+        FileNotFoundError: its folder does not exist.
+        ValueError: unknown format; wavelengths that CxF3 cannot hold; names that a long table cannot.
+    """
+    path = Path(path)
+    kind = format or _ENDINGS.get(path.suffix.lower())
+    if kind not in ("csv", "cxf", "envi"):
+        said = repr(format) if format else f"the ending of {path.name!r}"
+        raise ValueError(f"{path}: no format is known by {said}; write .csv, .tsv, .cxf or .hdr (ENVI)")
+    if long and kind != "csv":
+        raise ValueError(f"{path}: only CSV has a long layout")
+    notes: list[str] = []
+    names = [" ".join(_UNFIT.sub(" ", name).split()) for name in table.names]
+    names = [name or f"spectrum {i + 1}" for i, name in enumerate(names)]
+    if (changed := sum(old != new for old, new in zip(table.names, names, strict=True))) > 0:
+        notes.append(f"{changed} names lost control characters or blanks")
+    table = replace(table, names=tuple(different(names, notes)))
+    if kind == "csv":
+        files = {path: _format_csv(table, path, long).encode()}
+    elif kind == "cxf":
+        from .cxf import format_cxf
+
+        try:
+            files = {path: format_cxf(table)}
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
+    else:
+        from .envi import format_envi
+
+        header, numbers, said = format_envi(table)
+        notes += said
+        files = {path.with_suffix(".sli"): numbers, path.with_suffix(".hdr"): header.encode()}
+    _write_files(files, overwrite)
+    return notes
+
+
+def _write_files(files: dict[Path, bytes], overwrite: bool) -> None:
+    """Write all files or, if one may not be written, none; a file is there whole or not at all."""
+    for path in files:
+        if not path.parent.is_dir():
+            raise FileNotFoundError(f"{path}: the folder {path.parent} does not exist")
+        if path.is_dir():
+            raise IsADirectoryError(f"{path} is a folder; name a file")
+        if path.exists() and not overwrite:
+            raise FileExistsError(f"{path} exists; choose another name, or replace it with --overwrite")
+    for path, content in files.items():
+        part = path.with_name(path.name + ".part")
+        try:
+            part.write_bytes(content)
+            part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)
+
+
+def _format_csv(table: SpectraTable, path: Path, long: bool) -> str:
+    """Table as text; names are quoted, so that no letter in them is taken for a delimiter or a comment."""
+    text = io.StringIO()
+    if table.reflectance.max() > MAX_FRACTION:
+        # Without it the reader takes what is so bright for percent.
+        text.write("# unit: fraction\n")
+    delimiter = "\t" if path.suffix.lower() == ".tsv" else ","
+    writer = csv.writer(text, delimiter=delimiter, lineterminator="\n", quoting=csv.QUOTE_NONNUMERIC)
+    if long:
+        if any(re.fullmatch(r"[\d.,\s]*(nm)?", name) for name in table.names):
+            raise ValueError(f"{path}: names that are numbers would be read as wavelengths; write the wide layout")
+        writer.writerow(["wavelength_nm", *table.names])
+        writer.writerows(np.column_stack([table.wavelengths, table.reflectance.T]).tolist())
+    else:
+        writer.writerow(["Name", *table.wavelengths.tolist()])
+        writer.writerows([name, *row] for name, row in zip(table.names, table.reflectance.tolist(), strict=True))
+    return text.getvalue()
