@@ -1,0 +1,176 @@
+"""Which paints are in a film: from its spectrum, over one ground or several, and a catalogue.
+
+Sets of one, two and three paints compete, and with them the hypothesis that none of the catalogue's paints explain the
+film; `glazefit.candidates` says which sets are looked at, `glazefit.evidence` what counts as an error, and
+`glazefit.identify_fit` how a set's probability follows. Sets that are not looked at count as impossible; the search
+keeps far more than ever come near the best.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import ArrayLike, Float
+from scipy.special import logsumexp
+
+from glazejax import Pigment
+from glazejax.media import MAX_THICKNESS
+
+from .candidates import Paints
+from .evidence import Discrepancy, Prior, covariance, log_none
+from .films import Films, Instrument, Noise, cards
+from .identify_inputs import Measured, check_pigments, check_spectra
+from .identify_result import Identification, Pool
+from .identify_search import CHUNK, Task, first_starts, search_chunk
+from .response import film_response
+
+# Scattering optical thickness of a film that hides its ground.
+_OPAQUE = 200.0
+
+
+def identify_chunks(
+    spectra: ArrayLike,
+    wavelengths: ArrayLike,
+    pigments: Sequence[Pigment],
+    *,
+    grounds: ArrayLike | None,
+    instrument: Instrument | None = None,
+    noise: Noise | None = None,
+    discrepancy: Discrepancy | None = None,
+    prior: Prior | None = None,
+    max_paints: int = 3,
+    layers: int = 1,
+    names: Sequence[str] | None = None,
+    keep: int = 20,
+) -> Iterator[Identification]:
+    """As `identify`, a few spectra at a time, so that progress can be shown and an interrupt loses little.
+
+    Args:
+        spectra: reflectance as fractions, (bands,), (spectra, bands), or (spectra, grounds, bands) for one film over
+            several grounds.
+        wavelengths: (bands,), nm.
+        pigments: the catalogue, on any grids that cover the spectra's.
+        grounds: internal reflectance (that under paint) of the grounds: a number, (bands,) or (grounds, bands), or one
+            for each spectrum, (spectra, grounds, bands). None for films that hide their ground; their thickness is then
+            unknown.
+        instrument: by default d:8 with the specular part, index 1.5.
+        noise: of a reading.
+        discrepancy: of the model; see `glazefit.evidence.Discrepancy`.
+        prior: what is expected beforehand.
+        max_paints: largest set, 1 to 3.
+        layers: 2 tries the best sets as two coats too, in both orders.
+        names: of the spectra.
+        keep: candidates kept for each spectrum.
+
+    Raises:
+        ValueError: shapes that do not match, values that are not reflectances, an empty catalogue, repeated names.
+    """
+    instrument, noise, prior = instrument or Instrument(), noise or Noise(), prior or Prior()
+    if max_paints not in (1, 2, 3):
+        raise ValueError(f"max_paints is {max_paints}; sets of 1, 2 or 3 paints can be tried")
+    if layers not in (1, 2):
+        raise ValueError(f"layers is {layers}; one coat or two can be tried")
+    if layers == 2 and grounds is None:
+        raise ValueError("two coats need to know the ground; an opaque film shows its top coat only: use layers=1")
+    measured = check_spectra(spectra, wavelengths, grounds, names)
+    known = check_pigments(pigments, measured.wavelengths)
+    if grounds is None:
+        prior = _opaque(prior, known)
+    task = Task(
+        film_response(instrument.geometry, instrument.refractive_index),
+        _paints(known, prior.thickness),
+        measured.wavelengths,
+        instrument,
+        noise,
+        discrepancy or Discrepancy(),
+        prior,
+        min(max_paints, len(known)),
+        layers,
+    )
+    starts = first_starts(task, measured)
+    for first in range(0, len(measured), CHUNK):
+        rows = np.arange(first, min(first + CHUNK, len(measured)))
+        pool = search_chunk(task, measured, rows, starts)
+        yield _weigh(task, pool, measured.take(rows), tuple(p.name for p in known), grounds is None, keep)
+
+
+def _weigh(
+    task: Task, pool: Pool, measured: Measured, names: tuple[str, ...], opaque: bool, keep: int
+) -> Identification:
+    """Probabilities of all candidates and of none, and the best candidates in full."""
+    nothing = log_none(measured.readings, task.wavelengths) + np.log(task.prior.unknown)
+    weight = np.where(np.isfinite(pool.log_weight), pool.log_weight, -np.inf)
+    total = logsumexp(np.concatenate([weight, nothing[:, None]], axis=1), axis=1)
+    probability = np.exp(weight - np.asarray(total)[:, None])
+    present = pool.members[..., None] == np.arange(len(names))
+    best = np.argsort(-probability, axis=1, kind="stable")[:, :keep]
+    top = pool.take(best)
+    gloss = _gloss(task, measured, top)
+    fitted = top.readings + gloss[..., None] * task.instrument.seen_surface
+    return Identification(
+        measured=measured,
+        paints=names,
+        members=top.members,
+        coats=top.coats,
+        amounts=np.exp(top.logs) * task.prior.thickness,
+        log_covariance=top.covariance,
+        probability=np.take_along_axis(probability, best, axis=1),
+        none=np.exp(nothing - np.asarray(total)),
+        paint_probability=np.einsum("sc,scmp->sp", probability, present),
+        gloss=gloss,
+        fitted=fitted.reshape(*best.shape, *measured.readings.shape[1:]),
+        opaque=opaque,
+    )
+
+
+def _gloss(task: Task, measured: Measured, pool: Pool) -> Float[np.ndarray, "spectra candidates"]:
+    """Share of the surface's reflection that each candidate's residual speaks for."""
+    seen, d = task.instrument.seen_surface, task.discrepancy
+    matrix = covariance(task.noise.sd(measured.readings), task.wavelengths, seen, d, 1.0)
+    lever = np.linalg.solve(matrix, np.ones((*matrix.shape[:2], 1)))[..., 0]
+    off = task.target(measured.readings)[:, None] - pool.readings
+    return np.clip(d.gloss + d.gloss_sd**2 * seen * np.einsum("scr,sr->sc", off, lever), 0.0, 1.0)
+
+
+def identify(
+    spectra: ArrayLike,
+    wavelengths: ArrayLike,
+    pigments: Sequence[Pigment],
+    *,
+    grounds: ArrayLike | None,
+    **options: Any,
+) -> Identification:
+    """Paints, fractions and thickness of films from their spectra, as ranked lists with probabilities.
+
+    Args and errors are those of `identify_chunks`.
+    """
+    return Identification.join(list(identify_chunks(spectra, wavelengths, pigments, grounds=grounds, **options)))
+
+
+def identify_films(films: Films, pigments: Sequence[Pigment], **options: Any) -> Identification:
+    """As `identify`, for films over a black and a white card that were measured bare."""
+    instrument, noise = options.get("instrument") or Instrument(), options.get("noise") or Noise()
+    black, white, _, _ = cards(films, instrument, noise)
+    return identify(
+        np.stack([films.over_black, films.over_white], axis=1),
+        films.wavelengths,
+        pigments,
+        grounds=np.stack([black, white], axis=1),
+        names=films.names,
+        **options,
+    )
+
+
+def _opaque(prior: Prior, pigments: Sequence[Pigment]) -> Prior:
+    """A film so thick that its ground does not matter: the thickness is set, not sought."""
+    typical = np.median([np.median(np.asarray(p.scattering)) for p in pigments])
+    return replace(prior, thickness=min(_OPAQUE / max(float(typical), 1.0), MAX_THICKNESS), spread=0.05)
+
+
+def _paints(pigments: Sequence[Pigment], thickness: float) -> Paints:
+    return Paints(
+        jnp.stack([jnp.asarray(p.absorption) for p in pigments]) * thickness,
+        jnp.stack([jnp.asarray(p.scattering) for p in pigments]) * thickness,
+    )

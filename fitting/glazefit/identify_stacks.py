@@ -1,0 +1,113 @@
+"""Two coats: the best sets of paints, tried as one coat over another, in both orders, with the solver itself.
+
+The unknowns stay the amounts of the paints; only where each lies changes. A mixture's amounts start no stack well, so
+each is tried at a coarse grid of amounts first.
+"""
+
+import functools
+import itertools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from glazejax.radiative.stack import stack_hemispherical_reflectance
+
+from .candidates import Paints
+from .films import Instrument
+from .identify_fit import Fitted, Weights, evidence, fit_one
+
+_TOLERANCE = 1e-4
+_SCREEN_TOLERANCE = 1e-2
+# Log amounts of each paint that a stack starts from, about the set's usual thickness.
+_STARTS = {2: np.log([0.03, 0.1, 0.3, 0.8, 2.0]), 3: np.log([0.05, 0.25, 1.0])}
+
+
+def orders(size: int) -> Int[np.ndarray, "orders size"]:
+    """All ways to put paints in two coats, neither empty: 0 for the upper coat, 1 for the lower."""
+    ways = [way for way in itertools.product((0, 1), repeat=size) if 0 < sum(way) < size]
+    return np.asarray(ways, dtype=np.int32).reshape(-1, size)
+
+
+def stack_readings(
+    k: Float[Array, "size bands"],
+    s: Float[Array, "size bands"],
+    coats: Int[Array, "size"],
+    amounts: Float[Array, "size"],
+    ground: Float[Array, "grounds bands"],
+    instrument: Instrument,
+    tolerance: float,
+) -> Float[Array, "grounds bands"]:
+    """What two coats read over each ground, without the surface's part.
+
+    Args:
+        k, s: optical thicknesses of the paints at the usual thickness.
+        coats: where each paint lies, 0 above 1.
+        amounts: of the paints.
+        ground: internal reflectance.
+        instrument: geometry and index.
+        tolerance: of the solver.
+    """
+    place = (coats[:, None] == jnp.arange(2)) * amounts[:, None]
+    layers_k, layers_s = jnp.einsum("ml,mb->bl", place, k), jnp.einsum("ml,mb->bl", place, s)
+    depth = layers_k + layers_s + 1e-12
+    return stack_hemispherical_reflectance(
+        layers_s / depth,
+        depth,
+        ground,
+        refractive_index=instrument.refractive_index,
+        cos_incidence=instrument.cos_incidence,
+        tolerance=tolerance,
+    )
+
+
+@functools.partial(jax.jit, static_argnames=("instrument", "middle"))
+def fit_stacks(
+    paints: Paints, sets: Array, coats: Array, ground: Array, weights: Weights, instrument: Instrument, middle: int
+) -> Fitted:
+    """Fit candidates of two coats.
+
+    Args:
+        paints: of the catalogue.
+        sets: paints of each candidate, (spectra, sets, size).
+        coats: coat of each paint, (spectra, sets, size).
+        ground: internal reflectance, (spectra, grounds, bands).
+        weights: of each spectrum.
+        instrument: geometry and index.
+        middle: scale of the discrepancy that is fitted with.
+    """
+    size = sets.shape[-1]
+    places = jnp.asarray(list(itertools.product(_STARTS[size], repeat=size)))
+
+    def one(spectrum: tuple) -> Fitted:
+        members, coats, ground, weights = spectrum
+        k, s = paints.absorption[members], paints.scattering[members]
+        read = functools.partial(
+            stack_readings, k, s, coats, ground=ground, instrument=instrument, tolerance=_TOLERANCE
+        )
+        coarse = jax.vmap(
+            lambda logs: stack_readings(k, s, coats, jnp.exp(logs), ground, instrument, _SCREEN_TOLERANCE)
+        )(places)
+        off = (weights.target - coarse.reshape(places.shape[0], -1)) @ weights.whitening[middle].T
+        start = places[jnp.argmin(jnp.sum(off**2, axis=-1))]
+
+        def model(logs: Array) -> tuple[Array, Array]:
+            def flat(logs: Array) -> Array:
+                return read(jnp.exp(logs)).reshape(-1)
+
+            readings, push = jax.linearize(flat, logs)
+            return readings, jax.vmap(push)(jnp.eye(size, dtype=logs.dtype))
+
+        logs, hessian, readings = fit_one(model, start, weights, middle)
+        log_evidence, spread = evidence(logs, hessian, readings, weights)
+        return Fitted(logs, spread, log_evidence, readings)
+
+    spectra, count = sets.shape[:2]
+
+    def many(spectrum: tuple) -> Fitted:
+        sets, coats, ground, weights = spectrum
+        return jax.lax.map(lambda pair: one((*pair, ground, weights)), (sets, coats), batch_size=count)
+
+    del spectra
+    return jax.lax.map(many, (sets, coats, ground, weights))
