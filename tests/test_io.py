@@ -117,6 +117,91 @@ def read_or_complain(path):
     return None
 
 
+TRIPLES = "sample,wavelength,reflectance\nred,400,0.1\nblue,410,0.5\nred,410,0.2\nblue,400,0.4\n"
+
+
+@pytest.mark.parametrize("text", [TRIPLES, TRIPLES.replace("sample,w", "Paint,W").replace(",", "\t")])
+def test_a_value_a_row(tmp_path, text):
+    table = read_spectra(put(tmp_path, text))
+    assert table.names == ("red", "blue")
+    np.testing.assert_array_equal(table.reflectance, [[0.1, 0.2], [0.4, 0.5]])
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        (TRIPLES.replace("blue,410,0.5\n", ""), "'blue' has no value at 410 nm, where others have one"),
+        (TRIPLES.replace("red,410", "red,400"), "line 4: sample 'red' has a value at 400 nm already"),
+        (TRIPLES.replace("red,410", "red,x"), "line 4: column 'wavelength': 'x' is not a wavelength"),
+        (TRIPLES.replace("0.5", "nan"), "line 3: .* not a finite number"),
+        (TRIPLES.replace("blue,410", ",410"), "line 3: a sample has no name"),
+    ],
+)
+def test_errors_of_a_value_a_row(tmp_path, text, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        read_spectra(put(tmp_path, text))
+
+
+COLUMNS = "# spectrometer\n400.5 0.10 0.40\n410.7 0.20 0.50\n420.2 0.30 0.60\n"
+
+
+@pytest.mark.parametrize("text", [COLUMNS, COLUMNS.replace(" 0", "\t0"), "\n".join(COLUMNS.splitlines()[::-1])])
+def test_columns_without_a_header(tmp_path, text):
+    table = read_spectra(put(tmp_path, text))
+    assert table.names == ("column 2", "column 3")
+    np.testing.assert_array_equal(table.wavelengths, [400.5, 410.7, 420.2])
+    np.testing.assert_array_equal(table.reflectance, [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]])
+    assert "no header" in table.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        (COLUMNS.replace("410.7", "430"), "the first column does not run through wavelengths"),
+        ("1 0.1\n2 0.2\n3 0.3\n", "first column: 1, ... 3 look like band numbers"),
+        ("0.01 0.1\n0.02 0.2\n0.03 0.3\n", "the first column does not run through wavelengths"),
+        (COLUMNS + "430 0.1\n", "line 5: 2 cells where the first row has 3"),
+        (COLUMNS + "430 0.1 high\n", "line 5: '430 0.1 high' are not numbers only"),
+        (COLUMNS + "430 0.1 nan\n", "'column 3' is not finite at band 4"),
+        (COLUMNS.replace(" 0.60", " -0.60"), "'column 3' is negative at band 3"),
+    ],
+)
+def test_errors_of_columns(tmp_path, text, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        read_spectra(put(tmp_path, text))
+
+
+def test_declared_unit(tmp_path):
+    dark = "Name,400,410\nblack,0.5,0.6\n"
+    table = read_spectra(put(tmp_path, "# unit: percent\n" + dark))
+    np.testing.assert_allclose(table.reflectance, [[0.005, 0.006]])
+    assert table.notes == ["values are in percent; divided by 100"]
+    assert read_spectra(put(tmp_path, dark)).reflectance.max() == 0.6
+
+
+def test_workbooks_are_named(tmp_path):
+    with pytest.raises(ValueError, match="Excel workbook or another zip archive; export the table as UTF-8 CSV"):
+        read_spectra(put(tmp_path, b"PK\x03\x04rest", "t.xlsx"))
+
+
+def test_names_do_not_decide_the_format(tmp_path):
+    assert read_spectra(put(tmp_path, WIDE, "t.cxf")).format == "CSV table, a sample a row"
+    assert read_spectra(put(tmp_path, WIDE.replace("Name", "ENVI"), "t.hdr")).names == ("red", "blue")
+
+
+START = ["ENVI\n", "##TITLE=", "CGATS.17\n", "as7\0", "ASD\0", "<?xml", "[{", "BEGIN_DATA_FORMAT\n"]
+WORDS = """samples = 2\n|wavelength = {1|}|##XYDATA=(X++(Y..Y))\n|##END=\n|END_DATA\n|BEGIN_DATA\n|400 1 2\n|"a": 1
+|colorexchangeformat.com/CxF3-core|SPEC_400 SPEC_410\n|END_DATA_FORMAT\n|\0\0\0\0"""
+
+
+@given(st.sampled_from(START), st.lists(st.one_of(st.sampled_from(WORDS.split("|")), st.text(max_size=9)), max_size=9))
+def test_broken_files_of_every_format_never_surprise(tmp_path_factory, start, words):
+    path = tmp_path_factory.mktemp("broken") / "t.bin"
+    path.write_text(start + "".join(words), encoding="utf-8")
+    table = read_or_complain(path)
+    assert table is None or np.isfinite(table.reflectance).all()
+
+
 @given(st.binary(max_size=200))
 def test_garbage_never_surprises(tmp_path_factory, content):
     path = tmp_path_factory.mktemp("garbage") / "t.csv"

@@ -37,6 +37,9 @@ def read_asd(path: Path) -> RawSpectra:
         raise ValueError(f"{path}: an ASD file of type {kind!r}; only reflectance can be read")
     wavelengths = header.channel1Wavelength + header.wavelengthStep * np.arange(header.channels)
     counts = np.asarray(stored.spectra, float)
+    if not np.isfinite(counts).all():
+        band = int(np.argmin(np.isfinite(counts)))
+        raise ValueError(f"{path}: the spectrum is not finite at {wavelengths[band]:g} nm: {counts[band]}")
     white = file.referenceData.spectra if file.referenceData is not None else None
     name = header.comments.decode("latin-1").split("\0")[0].strip() or path.stem
     if white is None or not np.any(white):

@@ -9,7 +9,7 @@ import numpy as np
 
 from ..spectra import describe_grid
 from .containers import SpectraTable
-from .finish import RawSpectra
+from .finish import MAX_DECLARED, RawSpectra
 
 _NAMESPACE = b"colorexchangeformat.com/CxF3-core"
 # Bounds of CxF3's schema for the first wavelength.
@@ -72,8 +72,10 @@ def read_cxf(path: Path) -> RawSpectra:
             specifications.append(spectrum.color_specification or "")
     if grid is None:
         raise ValueError(f"{path}: CxF3 without reflectance spectra ({len(objects)} objects)")
-    attributes = {"ColorSpecification": specifications}
-    return RawSpectra(grid, names, np.array(values, float), "CxF3", attributes=attributes)
+    table = np.array(values, float)
+    # The standard says fractions below 3. Who goes beyond has not kept to it and is looked at like any other.
+    scale = 1.0 if table.max() <= MAX_DECLARED else None
+    return RawSpectra(grid, names, table, "CxF3", scale=scale, attributes={"ColorSpecification": specifications})
 
 
 def _is_reflectance(choice: object) -> bool:
@@ -84,7 +86,9 @@ def _wavelengths(path: Path, name: str, spectrum: Any, measured: Any) -> np.ndar
     """Wavelengths of one spectrum."""
     if not spectrum.value:
         raise ValueError(f"{path}: the spectrum of {name!r} is empty")
-    wrong = [value for value in spectrum.value if not isinstance(value, float)]
+    # Where one of the numbers is none, the library leaves the whole text, or that word, as it is.
+    words = spectrum.value.split() if isinstance(spectrum.value, str) else spectrum.value
+    wrong = [word for word in words if not _is_number(word)]
     if wrong:
         raise ValueError(f"{path}: the spectrum of {name!r} holds {str(wrong[0])[:20]!r}, not a number")
     start = spectrum.start_wl if spectrum.start_wl is not None else getattr(measured, "start_wl", None)
@@ -142,6 +146,14 @@ def format_cxf(table: SpectraTable) -> bytes:
         core.Resources(core.ObjectCollection(objects), core.ColorSpecificationCollection(specifications)),
     )
     return cxf.write_cxf(document)
+
+
+def _is_number(word: Any) -> bool:
+    try:
+        float(word)
+    except (TypeError, ValueError):
+        return False
+    return True
 
 
 def _one_line(error: BaseException) -> str:

@@ -194,16 +194,21 @@ def nanometres(
 ) -> tuple[Float[np.ndarray, "bands"], list[str]]:
     """Wavelengths in nm from what a file calls their unit, with notes.
 
-    A unit that is not named is micrometres if all are below 100, as no spectrum of paint reaches so far down in nm.
+    A unit that is not named is micrometres if all are below 100, as no spectrum of paint reaches so far down in nm;
+    whole numbers that small are taken for band numbers and refused.
 
     Raises:
-        ValueError: the unit is not one of nm, um, angstrom, m, 1/cm.
+        ValueError: the unit is not one of nm, um, angstrom, m, 1/cm, or there is none and they count bands.
     """
     word = (unit or "").strip().strip("{}()[]").strip().lower().replace("µ", "u").replace("μ", "u")
-    if word in {"", "unknown", "<unspecified>", "index", "none"}:
-        if wavelengths.size and np.nanmax(wavelengths) < 100:
-            return wavelengths * 1e3, ["wavelengths without a unit look like micrometres; multiplied by 1000"]
-        return wavelengths, []
+    if word in {"", "unknown", "<unspecified>", "none"}:
+        if not wavelengths.size or np.nanmax(wavelengths) >= 100:
+            return wavelengths, []
+        if (wavelengths == np.round(wavelengths)).all():
+            raise ValueError(
+                f"{wavelengths[0]:g}, ... {wavelengths[-1]:g} look like band numbers, not wavelengths in nm"
+            )
+        return wavelengths * 1e3, ["wavelengths without a unit look like micrometres; multiplied by 1000"]
     if word in {"nm", "nanometer", "nanometers", "nanometre", "nanometres"}:
         return wavelengths, []
     if word in {"um", "micron", "microns", "micrometer", "micrometers", "micrometre", "micrometres"}:

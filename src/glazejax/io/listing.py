@@ -30,7 +30,11 @@ def read_listing(path: Path) -> RawSpectra:
         raise ValueError(f"{path}: {len(grids)} entries of wavelengths where there must be one; {_EXPECTED}")
     if not spectra:
         raise ValueError(f"{path}: no entry has a reflectance; {_EXPECTED}")
-    wavelengths, notes = nanometres(_numbers(path, "wavelengths", grids[0].get("values")), grids[0].get("unit"))
+    grid = _numbers(path, "wavelengths", grids[0].get("values"))
+    try:
+        wavelengths, notes = nanometres(grid, _text(grids[0].get("unit", "")))
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
     names, values = [], []
     for number, entry in enumerate(spectra, start=1):
         name = str(entry.get("name", "")) or f"spectrum {number}"

@@ -277,10 +277,13 @@ def read_columns(path: Path) -> RawSpectra:
         if len(rows[-1]) != len(rows[0]):
             raise ValueError(f"{path}, line {number}: {len(rows[-1])} cells where the first row has {len(rows[0])}")
     table = np.array(rows)
-    wavelengths, notes = nanometres(table[:, 0], None)
+    try:
+        wavelengths, notes = nanometres(table[:, 0], None)
+    except ValueError as error:
+        raise ValueError(f"{path}: first column: {error}; {_LAYOUTS}") from None
     steps = np.diff(wavelengths)
     if not (wavelengths.min() >= 100 and (np.all(steps > 0) or np.all(steps < 0))):
-        raise ValueError(f"{path}: numbers only, and the first column is no row of wavelengths; {_LAYOUTS}")
+        raise ValueError(f"{path}: numbers only, and the first column does not run through wavelengths; {_LAYOUTS}")
     names = [f"column {i}" for i in range(2, table.shape[1] + 1)]
     notes.append("there is no header: spectra are named by their column")
     return RawSpectra(wavelengths, names, table[:, 1:].T, "columns of numbers without a header", notes)

@@ -1,0 +1,110 @@
+import numpy as np
+import pytest
+
+from glazejax.io import read_spectra
+
+from .samples import complains, same
+
+PLAIN = """CGATS.17
+ORIGINATOR	"a house"
+# a comment
+NUMBER_OF_FIELDS	6
+BEGIN_DATA_FORMAT
+SAMPLE_ID	SAMPLE_NAME	LAB_L	SPECTRAL_NM400	SPECTRAL_NM410	SPECTRAL_NM420
+END_DATA_FORMAT
+NUMBER_OF_SETS	2
+BEGIN_DATA
+1	"red, light"	50.5	0.10	0.20	0.30
+2	blue	20.1	0.40	0.50	0.60
+END_DATA
+"""
+GRID, VALUES = [400, 410, 420], [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]]
+
+
+def put(tmp_path, text, name="chart.txt"):
+    path = tmp_path / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        PLAIN,
+        PLAIN.replace("SPECTRAL_NM", "SPECTRAL_NM_"),
+        PLAIN.replace("SPECTRAL_NM", "SPEC_"),
+        PLAIN.replace("SPECTRAL_NM", "nm"),
+        PLAIN.replace("SPECTRAL_NM400", "R_400nm").replace("SPECTRAL_NM", "SPECTRAL_"),
+        PLAIN.replace("\t", "  ").replace("\n", "\r\n"),
+        PLAIN.replace("0.", "0,"),
+        PLAIN.replace("CGATS.17", "IT8.7/4"),
+        PLAIN.replace("\t0.60", "\n0.60").replace("\n0.60", "\t0.60"),
+    ],
+)
+def test_ways_to_name_bands(tmp_path, text):
+    table = read_spectra(put(tmp_path, text))
+    same(table, GRID, VALUES, ["red, light", "blue"], atol=1e-12)
+    assert table.format == "CGATS text"
+    assert table.notes == []
+    assert table.attributes["SAMPLE_ID"] == ("1", "2")
+
+
+def test_percent_by_name_by_norm_and_by_sight(tmp_path):
+    percent = PLAIN
+    for value in ("0.10", "0.20", "0.30", "0.40", "0.50", "0.60"):
+        percent = percent.replace(value, str(100 * float(value)))
+    for text in (
+        percent,
+        percent.replace("SPECTRAL_NM", "SPECTRAL_PCT_"),
+        percent.replace("NUMBER_OF_SETS", 'SPECTRAL_NORM "100.0"\nNUMBER_OF_SETS'),
+    ):
+        table = read_spectra(put(tmp_path, text))
+        same(table, GRID, VALUES, ["red, light", "blue"], atol=1e-12)
+        assert table.unit == "percent"
+        assert table.notes == ["values are in percent; divided by 100"]
+
+
+def test_dark_percent_is_known_by_its_norm(tmp_path):
+    text = PLAIN.replace("NUMBER_OF_SETS", "SPECTRAL_NORM 100\nNUMBER_OF_SETS")
+    assert read_spectra(put(tmp_path, text)).reflectance.max() == pytest.approx(0.006)
+
+
+def test_names_that_repeat_are_numbered(tmp_path):
+    table = read_spectra(put(tmp_path, PLAIN.replace('"red, light"', "blue")))
+    assert table.names == ("blue", "blue (2)")
+    assert table.notes == ["names that repeat were numbered: blue"]
+
+
+def test_old_text_is_latin(tmp_path):
+    assert read_spectra(put(tmp_path, PLAIN.replace("blue", "grün").encode("latin-1"))).names[1] == "grün"
+
+
+def test_second_table_has_the_spectra(tmp_path):
+    first = "CTI3\nBEGIN_DATA_FORMAT\nINDEX VALUE\nEND_DATA_FORMAT\nBEGIN_DATA\n1 2\nEND_DATA\n"
+    table = read_spectra(put(tmp_path, first + PLAIN))
+    assert np.shape(table.reflectance) == (2, 3)
+    assert "2 tables" in table.notes[0]
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("CGATS.17\n", "without fields"),
+        (PLAIN.replace("END_DATA\n", ""), "cut short"),
+        (PLAIN.replace("2\tblue\t20.1\t0.40\t0.50\t0.60\n", ""), "promises 2 sets, and there are 1"),
+        (PLAIN.replace("\t0.60", ""), "line 11: 5 values where there are 6 fields"),
+        (PLAIN.replace("0.60", "high"), "line 11: field SPECTRAL_NM420: 'high' is not a finite number"),
+        (PLAIN.replace("0.60", "nan"), "'nan' is not a finite number"),
+        (PLAIN.replace("SPECTRAL_NM", "CMYK_"), "without spectra: no field such as SPECTRAL_NM_400"),
+        (PLAIN.replace("NM410", "NM400"), "must ascend"),
+        (PLAIN.replace("0.10", "10").replace("0.20", "20"), "mixed"),
+        (PLAIN.replace("0.10", "-0.3"), "'red, light' is negative"),
+        (PLAIN.replace("NUMBER_OF_SETS", "SPECTRAL_NORM 0\nNUMBER_OF_SETS"), "must be positive"),
+        ("CGATS.17\nBEGIN_DATA\n1 2\nEND_DATA\n", "BEGIN_DATA without BEGIN_DATA_FORMAT"),
+    ],
+)
+def test_errors_are_one_line(tmp_path, text, complaint):
+    path = put(tmp_path, text)
+    with pytest.raises(ValueError, match=complaint) as caught:
+        read_spectra(path)
+    assert complains(caught, path)

@@ -1,0 +1,86 @@
+import numpy as np
+import pytest
+
+from glazejax.io import SpectraTable, read_spectra, write_spectra
+
+from .samples import GRID, complains, same, spectra
+
+SAMPLE = """<?xml version="1.0" encoding="UTF-8"?>
+<cc:CxF xmlns:cc="http://colorexchangeformat.com/CxF3-core">
+<cc:Resources><cc:ObjectCollection>
+<cc:Object ObjectType="Target" Name="red" Id="1"><cc:CreationDate>2007-06-14T00:00:00-08:00</cc:CreationDate>
+<cc:ColorValues>
+<cc:ColorCIELab ColorSpecification="M0"><cc:L>17</cc:L><cc:A>1</cc:A><cc:B>0</cc:B></cc:ColorCIELab>
+<cc:ReflectanceSpectrum StartWL="380" ColorSpecification="M0">0.1 0.2 0.3</cc:ReflectanceSpectrum>
+</cc:ColorValues></cc:Object>
+<cc:Object ObjectType="Target" Name="red" Id="2"><cc:CreationDate>2007-06-14T00:00:00-08:00</cc:CreationDate>
+<cc:ColorValues>
+<cc:ReflectanceSpectrum ColorSpecification="M0">0.4 0.5 0.6</cc:ReflectanceSpectrum>
+</cc:ColorValues></cc:Object>
+</cc:ObjectCollection>
+<cc:ColorSpecificationCollection><cc:ColorSpecification Id="M0"><cc:MeasurementSpec>
+<cc:MeasurementType>Spectrum_Reflectance</cc:MeasurementType>
+<cc:GeometryChoice><cc:SphereGeometry>Specular_Included</cc:SphereGeometry></cc:GeometryChoice>
+<cc:WavelengthRange StartWL="380" Increment="10"/>
+</cc:MeasurementSpec></cc:ColorSpecification></cc:ColorSpecificationCollection>
+</cc:Resources></cc:CxF>
+"""
+
+
+def put(tmp_path, text):
+    path = tmp_path / "chart.cxf"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_a_file_of_another_program(tmp_path):
+    table = read_spectra(put(tmp_path, SAMPLE))
+    same(table, [380, 390, 400], [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]], ["red", "red (2)"])
+    assert table.format == "CxF3"
+    assert table.attributes["ColorSpecification"] == ("M0", "M0")
+
+
+def test_percent_against_the_standard_is_seen(tmp_path):
+    text = SAMPLE.replace("0.1 0.2 0.3", "10 20 30").replace("0.4 0.5 0.6", "40 50 60")
+    table = read_spectra(put(tmp_path, text))
+    np.testing.assert_allclose(table.reflectance, [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]])
+    assert table.unit == "percent"
+
+
+def test_what_is_written_follows_the_schema(tmp_path):
+    import colour_cxf
+
+    write_spectra(SpectraTable(GRID, ("a", "b", "c"), spectra()), tmp_path / "t.cxf")
+    document = colour_cxf.read_cxf_from_file(tmp_path / "t.cxf")
+    (specification,) = document.resources.color_specification_collection.color_specification
+    measured = specification.measurement_spec
+    assert measured.measurement_type.value.value == "Spectrum_Reflectance"
+    assert (measured.wavelength_range.start_wl, measured.wavelength_range.increment) == (400, 10)
+    # The instrument is not known, and none is invented.
+    assert measured.geometry_choice.choice == "unknown"
+    assert b"UnknownGeometry" in (tmp_path / "t.cxf").read_bytes()
+    things = document.resources.object_collection.object_value
+    assert [thing.name for thing in things] == ["a", "b", "c"]
+    assert all(thing.color_values.choice[0].color_specification == specification.id for thing in things)
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("<html></html>", "XML, but not CxF3"),
+        (SAMPLE[:900], "not legal CxF3"),
+        (SAMPLE.replace("0.4 0.5 0.6", ""), "spectrum of 'red' is empty"),
+        (SAMPLE.replace("0.4 0.5 0.6", "0.4 0.5"), "a table has one grid"),
+        (SAMPLE.replace("0.4 0.5 0.6", "0.4 high 0.6"), "holds 'high', not a number"),
+        (SAMPLE.replace("0.4 0.5 0.6", "0.4 NaN 0.6"), "not finite at band 2"),
+        (SAMPLE.replace("0.4 0.5 0.6", "40 50 60"), "mixed"),
+        (SAMPLE.replace("ReflectanceSpectrum", "EmissiveSpectrum"), "without reflectance spectra"),
+        (SAMPLE.replace('<cc:WavelengthRange StartWL="380" Increment="10"/>', ""), "no wavelengths for 'red'"),
+        (SAMPLE.replace('Increment="10"', 'Increment="ten"'), "no wavelengths for 'red'"),
+    ],
+)
+def test_errors_are_one_line(tmp_path, text, complaint):
+    path = put(tmp_path, text)
+    with pytest.raises(ValueError, match=complaint) as caught:
+        read_spectra(path)
+    assert complains(caught, path)

@@ -1,0 +1,261 @@
+"""ENVI libraries and images, most of them written by Spectral Python."""
+
+import numpy as np
+import pytest
+import spectral.io.envi as spy
+
+from glazejax.io import SpectraCube, read_cube, read_spectra
+
+from .samples import GRID, complains, same, spectra
+
+HEADER = {
+    "samples": 31,
+    "lines": 3,
+    "bands": 1,
+    "file type": "ENVI Spectral Library",
+    "data type": 4,
+    "interleave": "bsq",
+    "byte order": 0,
+    "wavelength": "{" + ", ".join(f"{w:g}" for w in GRID) + "}",
+    "wavelength units": "nm",
+    "spectra names": "{red, green, blue}",
+}
+
+
+def put(folder, values=None, *, name="lib", **changes):
+    """Write a library by hand; fields that are None are left out."""
+    header = HEADER | {title.replace("_", " "): text for title, text in changes.items()}
+    lines = [f"{title} = {text}" for title, text in header.items() if text is not None]
+    path = folder / f"{name}.hdr"
+    path.write_text("\n".join(["ENVI", *lines, ""]), encoding="utf-8")
+    values = spectra() if values is None else values
+    (folder / f"{name}.sli").write_bytes(np.asarray(values, "<f4").tobytes())
+    return path
+
+
+def test_library_written_by_spectral_python(tmp_path):
+    library = spy.SpectralLibrary(spectra().astype("f4"), {"wavelength": GRID, "spectra names": ["a", "b", "c"]})
+    library.bands.band_unit = "Nanometers"
+    library.save(str(tmp_path / "lib"))
+    for name in ("lib.hdr", "lib.sli"):
+        same(read_spectra(tmp_path / name), GRID, spectra(), "abc", atol=1e-7)
+
+
+def test_fields_beyond_the_standard_are_attributes(tmp_path):
+    path = put(tmp_path, pname="{Zinnober hell, Grün, Bleu d'outremer}", Author="Ö")
+    table = read_spectra(path)
+    same(table, GRID, spectra(), ["red", "green", "blue"], atol=1e-7)
+    assert table.attributes == {"pname": ("Zinnober hell", "Grün", "Bleu d'outremer")}
+
+
+def test_old_headers_are_latin(tmp_path):
+    path = put(tmp_path)
+    path.write_bytes(path.read_text().replace("green", "grün").encode("latin-1"))
+    assert read_spectra(path).names == ("red", "grün", "blue")
+
+
+def test_units_scale_bad_bands_order_and_missing_data(tmp_path):
+    values = spectra() * 10_000
+    values[1, 5] = -999
+    values[:, 7] = -999
+    path = put(
+        tmp_path,
+        values[:, ::-1],
+        wavelength="{" + ",\n ".join(f"{w / 1000:g}" for w in GRID[::-1]) + "}",
+        wavelength_units="Micrometers",
+        reflectance_scale_factor=10000,
+        data_ignore_value=-999,
+        bbl="{" + ",".join("0" if i == 0 else "1" for i in range(31)) + "}",
+        spectra_names="{red, red, blue}",
+    )
+    table = read_spectra(path)
+    kept = np.delete(np.arange(30), 7)  # the first of the file is the last here, and bad
+    same(table, GRID[kept], spectra()[[0, 2]][:, kept], ["red", "blue"], atol=1e-6)
+    assert table.unit == "scaled"
+    told = " | ".join(table.notes)
+    for words in ("micrometres", "1 bands that the header marks as bad", "sorted", "1 bands without data", "red (2)"):
+        assert words in told
+
+
+def test_values_above_one_are_kept_and_said(tmp_path):
+    values = spectra(40)
+    values[3, 8] = 2.4
+    names = "{" + ",".join(f"p{i}" for i in range(40)) + "}"
+    table = read_spectra(put(tmp_path, values, lines=40, spectra_names=names))
+    assert table.unit == "fraction"
+    assert table["p3"].max() == pytest.approx(2.4)
+    assert any("p3 exceeds a reflectance of 1, up to 2.4" in note for note in table.notes)
+
+
+def test_percent_is_said(tmp_path):
+    table = read_spectra(put(tmp_path, spectra() * 100))
+    same(table, GRID, spectra(), ["red", "green", "blue"], atol=1e-6)
+    assert table.unit == "percent"
+    assert table.notes == ["values are in percent; divided by 100"]
+
+
+def test_noise_below_zero_becomes_zero(tmp_path):
+    values = spectra()
+    values[0, 0] = -0.002
+    table = read_spectra(put(tmp_path, values))
+    assert table["red"][0] == 0
+    assert "noise" in table.notes[0]
+
+
+def bad(values, where, value):
+    values = values.copy()
+    values[where] = value
+    return values
+
+
+@pytest.mark.parametrize(
+    ("values", "changes", "complaint"),
+    [
+        (None, {"wavelength": None}, "no wavelengths; add"),
+        (None, {"wavelength": "{400, 410}"}, "2 wavelengths for 31 bands"),
+        (None, {"wavelength": "{" + ",".join(["x"] * 31) + "}"}, "could not convert"),
+        (None, {"wavelength": "{" + ",".join(["500"] * 31) + "}"}, "must ascend"),
+        (None, {"wavelength_units": "GHz"}, "wavelengths are in 'GHz'"),
+        (None, {"wavelength": "{" + ",".join(map(str, range(1, 32))) + "}", "wavelength_units": None}, "band numbers"),
+        (None, {"wavelength_units": "Index"}, "wavelengths are in 'Index'"),
+        (None, {"samples": None}, "lacks 'samples'"),
+        (None, {"samples": "many"}, "not legal"),
+        (None, {"data_type": 77}, "not legal"),
+        (None, {"interleave": "xyz"}, "not legal"),
+        (None, {"lines": 0}, "sizes below 1"),
+        (None, {"data_type": 6}, "complex"),
+        (None, {"data_type": 5}, "the file was cut short"),
+        (None, {"lines": 4}, "the file was cut short"),
+        (None, {"spectra_names": "{a, b, c, d}"}, "4 spectra names for 3 spectra; does a name hold a comma"),
+        (None, {"bbl": "{0, 1}"}, "2 entries for 31 bands"),
+        (None, {"bbl": "{" + ",".join("0" * 31) + "}"}, "every band as bad"),
+        (None, {"reflectance_scale_factor": 0}, "must be positive"),
+        (None, {"reflectance_scale_factor": "ten"}, "not a number"),
+        (None, {"reflectance_scale_factor": 0.01}, "is the file's unit or scale factor right"),
+        (bad(spectra(), (1, 4), np.nan), {}, "'green' is not finite at band 5"),
+        (bad(spectra(), (1, 4), -0.5), {}, "'green' is negative at band 5"),
+        (bad(spectra(), (2,), 60), {}, "mixed: most spectra are in fractions, blue in percent"),
+        (np.full((3, 31), 0), {"data_ignore_value": 0}, "no spectrum has any data"),
+    ],
+)
+def test_errors_are_one_line(tmp_path, values, changes, complaint):
+    path = put(tmp_path, values, **changes)
+    with pytest.raises(ValueError, match=complaint) as caught:
+        read_spectra(path)
+    assert complains(caught, path)
+
+
+def test_header_cut_short(tmp_path):
+    path = put(tmp_path)
+    path.write_text(path.read_text()[:-9])
+    with pytest.raises(ValueError, match="not a legal ENVI header") as caught:
+        read_spectra(path)
+    assert complains(caught, path)
+
+
+def test_header_without_data(tmp_path):
+    path = put(tmp_path)
+    (tmp_path / "lib.sli").unlink()
+    with pytest.raises(FileNotFoundError, match="no data beside this ENVI header"):
+        read_spectra(path)
+
+
+def test_data_without_header(tmp_path):
+    path = put(tmp_path)
+    path.unlink()
+    with pytest.raises(ValueError, match=r"lib\.sli: not"):
+        read_spectra(tmp_path / "lib.sli")
+
+
+def cube(folder, interleave="bil", dtype="u2", scale=10_000, order="little", **fields):
+    """Image of 4 lines x 5 samples, written by Spectral Python; what it holds as fractions."""
+    image = spectra(20).reshape(4, 5, -1)
+    fields = {"wavelength": GRID.tolist(), "wavelength units": "nm"} | fields
+    spy.save_image(
+        str(folder / "image.hdr"),
+        (image * scale).astype(dtype),
+        interleave=interleave,
+        metadata={title.replace("_", " "): value for title, value in fields.items()},
+        byteorder=order,
+    )
+    return image
+
+
+@pytest.mark.parametrize("interleave", ["bil", "bip", "bsq"])
+@pytest.mark.parametrize("order", ["little", "big"])
+def test_images_of_every_order(tmp_path, interleave, order):
+    image = cube(tmp_path, interleave, order=order, reflectance_scale_factor=10000)
+    for name in ("image.hdr", "image.img"):
+        opened = read_cube(tmp_path / name)
+        assert opened.shape == (4, 5, 31)
+        assert isinstance(opened.raw, np.memmap)
+        np.testing.assert_allclose(opened[1:3, 2], image[1:3, 2], atol=1e-4)
+        np.testing.assert_allclose(opened[-1, -1], image[-1, -1], atol=1e-4)
+
+
+def test_image_as_a_table(tmp_path):
+    image = cube(tmp_path, dtype="f4", scale=100)
+    table = read_spectra(tmp_path / "image.img")
+    assert table.format == "ENVI image"
+    assert table.unit == "percent"
+    assert table.names[:6] == (*(f"line 1 sample {i}" for i in range(1, 6)), "line 2 sample 1")
+    np.testing.assert_allclose(table.reflectance, image.reshape(20, -1), atol=1e-6)
+
+
+def test_missing_pixels_and_bad_bands_of_an_image(tmp_path):
+    image = cube(tmp_path, scale=10_000, reflectance_scale_factor=10000, data_ignore_value=0, bbl=[0] + [1] * 30)
+    raw = np.memmap(tmp_path / "image.img", "<u2", "r+", shape=(4, 31, 5))
+    raw[2, :, 3] = 0
+    raw.flush()
+    opened = read_cube(tmp_path / "image.hdr")
+    assert opened.wavelengths[0] == 410
+    assert np.isnan(opened[2, 3]).all()
+    table = opened.table()
+    assert len(table) == 19
+    assert "line 3 sample 4" not in table.names
+    np.testing.assert_allclose(table["line 1 sample 1"], image[0, 0, 1:], atol=1e-4)
+
+
+def test_glare_does_not_decide_an_images_unit(tmp_path):
+    image = np.tile(spectra(1), (200, 10, 1)).astype("f4")
+    image[7, 3] *= 4
+    spy.save_image(str(tmp_path / "image.hdr"), image, metadata={"wavelength": GRID.tolist()})
+    table = read_spectra(tmp_path / "image.hdr")
+    assert table.unit == "fraction"
+    assert table["line 8 sample 4"].max() > 3
+
+
+def test_large_images_stay_on_disk(tmp_path):
+    fields = {"lines": 1000, "samples": 1000, "bands": 2, "data type": 1, "interleave": "bsq", "wavelength": [500, 600]}
+    spy.create_image(str(tmp_path / "big.hdr"), fields, force=True)
+    assert isinstance(read_cube(tmp_path / "big.hdr"), SpectraCube)
+    with pytest.raises(ValueError, match="1000 x 1000 pixels are too many"):
+        read_spectra(tmp_path / "big.hdr")
+
+
+def test_images_without_a_scale(tmp_path):
+    cube(tmp_path)
+    with pytest.raises(ValueError, match="neither fraction nor percent: add 'reflectance scale factor"):
+        read_cube(tmp_path / "image.hdr")
+
+
+def test_libraries_are_no_images(tmp_path):
+    with pytest.raises(ValueError, match="use read_spectra"):
+        read_cube(put(tmp_path))
+    (tmp_path / "t.csv").write_text("Name,400,410\na,.1,.2\n")
+    with pytest.raises(ValueError, match="not an ENVI image"):
+        read_cube(tmp_path / "t.csv")
+
+
+def test_pigment_charts(shared_data):
+    folder = shared_data / "hyppigments"
+    table = read_spectra(folder / "speclib_averages.hdr")
+    assert table.reflectance.shape == (1592, 186)
+    # The figures of its SOURCE.md: shades get lighter, values reach 1.65.
+    shades = [table.reflectance[i::4].mean() for i in range(4)]
+    np.testing.assert_allclose(shades, [0.158, 0.217, 0.320, 0.488], atol=6e-4)
+    assert table.reflectance.max() == pytest.approx(1.65, abs=0.005)
+    assert table.unit == "fraction"
+    assert any("1.65" in note for note in table.notes)
+    assert len(table.attributes["pname"]) == 1592
+    assert read_spectra(folder / "speclib_averages.sli").names == table.names

@@ -1,0 +1,93 @@
+import numpy as np
+import pytest
+
+from glazejax.io import read_spectra
+
+from .samples import GRID, complains, same, spectra
+
+
+def block(name="red", values=None, *, grid=GRID, xunits="NANOMETERS", yunits="REFLECTANCE", form="XYPOINTS"):
+    """One block of text: pairs, or rows of three values with a factor."""
+    values = spectra(1, grid)[0] if values is None else values
+    head = f"##TITLE={name}\n##JCAMP-DX=4.24\n##DATA TYPE=UV/VIS SPECTRUM\n##XUNITS={xunits}\n##YUNITS={yunits}\n"
+    head += f"##FIRSTX={grid[0]}\n##LASTX={grid[-1]}\n##NPOINTS={len(grid)}\n"
+    if form == "XYPOINTS":
+        rows = "".join(f"{x:.9g} {y:.9g}\n" for x, y in zip(grid, values, strict=True))
+        return f"{head}##XYPOINTS=(XY..XY)\n{rows}##END=\n"
+    factor = 1e-6
+    rows = ""
+    for i in range(0, len(grid), 3):
+        numbers = " ".join(str(round(y / factor)) for y in values[i : i + 3])
+        rows += f"{grid[i]:g} {numbers}\n"
+    return f"{head}##XFACTOR=1\n##YFACTOR={factor}\n##XYDATA=(X++(Y..Y))\n{rows}##END=\n"
+
+
+def put(tmp_path, text):
+    path = tmp_path / "paint.dx"
+    path.write_text(text)
+    return path
+
+
+@pytest.mark.parametrize("form", ["XYPOINTS", "XYDATA"])
+def test_one_spectrum(tmp_path, form):
+    table = read_spectra(put(tmp_path, block(form=form)))
+    same(table, GRID, spectra(1), ["red"], atol=1e-6)
+    assert table.format == "JCAMP-DX"
+    assert table.notes == []
+
+
+def test_written_by_the_package(tmp_path):
+    import jcamp
+
+    data = {"title": "red", "jcamp-dx": 4.24, "xunits": "NANOMETERS", "yunits": "REFLECTANCE", "npoints": GRID.size}
+    data |= {"firstx": GRID[0], "lastx": GRID[-1], "xfactor": 1, "yfactor": 1e-6, "x": GRID, "y": spectra(1)[0]}
+    jcamp.writefile(str(tmp_path / "paint.dx"), data)
+    same(read_spectra(tmp_path / "paint.dx"), GRID, spectra(1), ["red"], atol=2e-6)
+
+
+@pytest.mark.parametrize(
+    ("xunits", "grid"), [("MICROMETERS", GRID / 1000), ("1/CM", 1e7 / GRID), ("1/CM", 1e7 / GRID[::-1])]
+)
+def test_units_of_wavelength(tmp_path, xunits, grid):
+    wanted = spectra(1)[0]
+    values = np.interp(grid / 1e-3 if xunits[0] == "M" else 1e7 / grid, GRID, wanted)
+    table = read_spectra(put(tmp_path, block(values=values, grid=grid, xunits=xunits)))
+    np.testing.assert_allclose(table.wavelengths, GRID, rtol=1e-7)
+    np.testing.assert_allclose(table.reflectance, [wanted], atol=1e-7)
+    assert table.notes
+
+
+@pytest.mark.parametrize("linked", [True, False])
+def test_many_blocks(tmp_path, linked):
+    blocks = "".join(block(name, values) for name, values in zip("aab", spectra() * 100, strict=True))
+    blocks = blocks.replace("=REFLECTANCE", "=%REFLECTANCE")
+    if linked:
+        blocks = f"##TITLE=all\n##DATA TYPE=LINK\n##BLOCKS=3\n{blocks}##END=\n"
+    table = read_spectra(put(tmp_path, blocks))
+    same(table, GRID, spectra(), ["a", "a (2)", "b"], atol=1e-6)
+    assert table.unit == "percent"
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        (block().replace("##END=\n", ""), "no ##END=; the file was cut short"),
+        (block()[:-50], "cut short"),
+        (block().replace("##XYPOINTS", "##PEAKS"), "without data"),
+        (block(form="XYDATA").replace("##NPOINTS=31", "##NPOINTS=40"), "promises 40 points and holds 31"),
+        (block(yunits="ABSORBANCE"), "is in 'ABSORBANCE'; only reflectance"),
+        (block(xunits="SECONDS"), "wavelengths are in 'SECONDS'"),
+        (block(values=np.where(GRID == 500, np.nan, 0.5)), "not finite|promises|damaged"),
+        (block(values=np.where(GRID == 500, -0.5, 0.5)), "negative at band 11"),
+        (block(values=np.full(31, 4000.0)), "reaches 40 as a fraction"),
+        (block("a") + block("b", grid=GRID + 1), "'b' is on other wavelengths than 'a'"),
+        (block("a") + block("b", yunits="%REFLECTANCE"), "some blocks are in percent"),
+        (block("a").replace("##END=\n", "") + block("b"), "a block begins before the one above has its ##END="),
+        (block().replace("##TITLE=red\n", "##TITLE=red\n##BROKEN\n"), "is damaged"),
+    ],
+)
+def test_errors_are_one_line(tmp_path, text, complaint):
+    path = put(tmp_path, text)
+    with pytest.raises(ValueError, match=complaint) as caught:
+        read_spectra(path)
+    assert complains(caught, path)

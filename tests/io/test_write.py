@@ -1,0 +1,115 @@
+"""Files that are written read back bit for bit, and nothing is replaced unasked."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from glazejax.io import SpectraTable, read_spectra, write_spectra
+
+from .samples import GRID, NAMES, same, spectra, tables
+
+EVEN = st.builds(
+    lambda start, step, count: start + step * np.arange(count),
+    st.integers(360, 400),
+    st.integers(1, 20),
+    st.integers(2, 40),
+)
+
+
+def written(tmp_path_factory, table, name, **how):
+    path = tmp_path_factory.mktemp("out") / name
+    assert write_spectra(table, path, **how) == []
+    return read_spectra(path)
+
+
+@given(tables())
+def test_wide_tables_read_back(tmp_path_factory, table):
+    back = written(tmp_path_factory, table, "t.csv")
+    same(back, table.wavelengths, table.reflectance, table.names)
+
+
+@given(tables(names=NAMES.filter(lambda name: name[0] not in "0123456789.,")))
+def test_long_tables_read_back(tmp_path_factory, table):
+    back = written(tmp_path_factory, table, "t.tsv", long=True)
+    same(back, table.wavelengths, table.reflectance, table.names)
+
+
+@given(tables(EVEN))
+def test_cxf_reads_back(tmp_path_factory, table):
+    back = written(tmp_path_factory, table, "t.cxf")
+    same(back, table.wavelengths, table.reflectance, table.names)
+
+
+@given(tables(names=NAMES.filter(lambda name: not set(name) & set(",{}"))))
+def test_envi_libraries_read_back(tmp_path_factory, table):
+    back = written(tmp_path_factory, table, "t.hdr")
+    same(back, table.wavelengths, table.reflectance, table.names)
+    assert back.format == "ENVI spectral library"
+
+
+def test_envi_is_legal_for_spectral_python(tmp_path):
+    import spectral.io.envi as spy
+
+    write_spectra(SpectraTable(GRID, ("a", "b", "c"), spectra()), tmp_path / "t.sli")
+    library = spy.open(str(tmp_path / "t.hdr"))
+    np.testing.assert_array_equal(library.spectra, spectra())
+    assert library.names == ["a", "b", "c"]
+    assert library.bands.centers == GRID.tolist()
+
+
+def test_bright_spectra_survive_csv(tmp_path):
+    table = SpectraTable(GRID, ("glare",), np.full((1, GRID.size), 2.5))
+    write_spectra(table, tmp_path / "t.csv")
+    assert (tmp_path / "t.csv").read_text().startswith("# unit: fraction\n")
+    same(read_spectra(tmp_path / "t.csv"), GRID, table.reflectance, ["glare"])
+
+
+def test_names_that_a_format_cannot_hold(tmp_path):
+    table = SpectraTable(GRID, ("a,{b}", " x\ny ", "", "x y"), spectra(4))
+    notes = write_spectra(table, tmp_path / "t.hdr")
+    assert read_spectra(tmp_path / "t.sli").names == ("a;(b)", "x y", "spectrum 3", "x y (2)")
+    assert len(notes) == 3
+
+
+@pytest.mark.parametrize("name", ["t.csv", "t.cxf", "t.hdr"])
+def test_existing_files_are_kept(tmp_path, name):
+    table = SpectraTable(GRID, ("a", "b", "c"), spectra())
+    path = tmp_path / name
+    write_spectra(table, path)
+    before = {file.name: file.read_bytes() for file in tmp_path.iterdir()}
+    brighter = dataclasses.replace(table, reflectance=table.reflectance * 1.01)
+    with pytest.raises(FileExistsError, match="--overwrite"):
+        write_spectra(brighter, path)
+    assert {file.name: file.read_bytes() for file in tmp_path.iterdir()} == before
+    write_spectra(brighter, path, overwrite=True)
+    same(read_spectra(path), GRID, brighter.reflectance, table.names)
+
+
+def test_half_a_library_is_not_written(tmp_path):
+    (tmp_path / "t.hdr").write_text("mine")
+    with pytest.raises(FileExistsError, match=r"t\.hdr exists"):
+        write_spectra(SpectraTable(GRID, ("a", "b", "c"), spectra()), tmp_path / "t.sli")
+    assert [file.name for file in tmp_path.iterdir()] == ["t.hdr"]
+
+
+@pytest.mark.parametrize(
+    ("grid", "names", "name", "how", "complaint"),
+    [
+        (GRID, "ab", "t.png", {}, "no format is known"),
+        (GRID, "ab", "t.csv", {"format": "xml"}, "no format is known by 'xml'"),
+        (GRID, "ab", "t.cxf", {"long": True}, "only CSV has a long layout"),
+        (GRID, ("450", "b"), "t.csv", {"long": True}, "names that are numbers"),
+        (GRID + 0.5, "ab", "t.cxf", {}, "not 400.5-700.5 nm step 10"),
+        (GRID**2 / 400, "ab", "t.cxf", {}, "resample first, to 400:700:10"),
+        (GRID + 10, "ab", "t.cxf", {}, "write CSV or ENVI"),
+    ],
+)
+def test_what_cannot_be_written_is_said(tmp_path, grid, names, name, how, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        write_spectra(SpectraTable(grid, tuple(names), spectra(2, grid)), tmp_path / name, **how)
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(FileNotFoundError, match="folder"):
+        write_spectra(SpectraTable(GRID, ("a",), spectra(1)), tmp_path / "no" / "t.csv")
