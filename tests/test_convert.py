@@ -1,0 +1,102 @@
+"""The command `glazejax convert`."""
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from glazejax.cli import app
+from glazejax.cli_convert import parse_grid, register
+from glazejax.io import SpectraTable, read_spectra, write_spectra
+
+from .io.samples import GRID, spectra
+
+if "convert" not in [command.name for command in app.registered_commands]:
+    register(app)
+
+
+@pytest.fixture
+def chart(tmp_path):
+    """Table of percent."""
+    path = tmp_path / "chart.csv"
+    rows = [",".join(["Name", *(f"{w:g}" for w in GRID)])]
+    rows += [",".join([name, *(f"{100 * r:.4f}" for r in row)]) for name, row in zip("abc", spectra(), strict=True)]
+    path.write_text("\n".join(rows))
+    return path
+
+
+def run(*words):
+    return CliRunner().invoke(app, ["convert", *map(str, words)])
+
+
+@pytest.mark.parametrize("name", ["out.csv", "out.tsv", "out.cxf", "out.hdr"])
+def test_every_format(chart, tmp_path, name):
+    done = run(chart, tmp_path / name)
+    assert done.exit_code == 0, done.output
+    np.testing.assert_allclose(read_spectra(tmp_path / name).reflectance, spectra(), atol=1e-6)
+    assert "CSV table, a sample a row, 3 spectra, 400-700 nm step 10 (31 bands)" in done.output
+    assert "stored in percent" in done.output
+    assert f"wrote  {tmp_path / name}" in done.output
+
+
+def test_resampled_and_long(chart, tmp_path):
+    done = run(chart, tmp_path / "out.csv", "--resample", "410:690:5", "--long")
+    assert done.exit_code == 0, done.output
+    table = read_spectra(tmp_path / "out.csv")
+    assert table.format == "CSV table, a sample a column"
+    np.testing.assert_array_equal(table.wavelengths, np.arange(410, 691, 5))
+    np.testing.assert_allclose(table.reflectance, spectra(3, table.wavelengths), atol=1e-3)
+
+
+def test_existing_files_are_kept(chart, tmp_path):
+    before = chart.read_bytes()
+    done = run(chart, chart)
+    assert isinstance(done.exception, FileExistsError)
+    assert chart.read_bytes() == before
+    assert run(chart, chart, "--overwrite").exit_code == 0
+    assert read_spectra(chart).unit == "fraction"
+
+
+def test_format_by_name_of_the_option(chart, tmp_path):
+    assert run(chart, tmp_path / "out.data", "--to", "cxf").exit_code == 0
+    assert read_spectra(tmp_path / "out.data").format == "CxF3"
+
+
+@pytest.mark.parametrize(
+    ("grid", "complaint"),
+    [
+        ("400:700", "expected FROM:TO:STEP"),
+        ("a:b:c", "expected FROM:TO:STEP"),
+        ("400:700:0", "STEP above 0"),
+        ("700:400:10", "TO not below it"),
+        ("400:705:10", "end at 700"),
+        ("400:inf:10", "FROM must be positive"),
+        ("400:700:1e-9", "too many"),
+        ("380:700:10", "--resample 380:700:10: cannot resample 400-700 nm"),
+    ],
+)
+def test_wrong_grids(chart, tmp_path, grid, complaint):
+    done = run(chart, tmp_path / "out.csv", "--resample", grid)
+    assert isinstance(done.exception, ValueError)
+    assert complaint in str(done.exception)
+    assert not (tmp_path / "out.csv").exists()
+
+
+def test_both_ends_belong_to_a_grid():
+    assert parse_grid("400:402:0.5") == [400, 400.5, 401, 401.5, 402]
+    assert parse_grid("550:550:10") == [550]
+
+
+def test_one_spectrum_is_one(tmp_path):
+    write_spectra(SpectraTable(GRID, ("a",), spectra(1)), tmp_path / "in.csv")
+    assert "1 spectrum, 400-700" in run(tmp_path / "in.csv", tmp_path / "out.csv").output
+
+
+def test_instruments_columns(shared_data, tmp_path):
+    done = run(shared_data / "rrt" / "pigment_panel_reference.csv", tmp_path / "out.cxf", "--resample", "400:700:10")
+    assert done.exit_code == 0, done.output
+    assert "columns of numbers without a header, 13 spectra, 349.542-2196.58 nm uneven (1009 bands)" in done.output
+    table = read_spectra(tmp_path / "out.cxf")
+    assert table.names[0] == "column 2"
+    reference = np.loadtxt(shared_data / "rrt" / "pigment_panel_reference.csv")
+    nearest = np.abs(reference[:, :1] - GRID).argmin(axis=0)
+    np.testing.assert_allclose(table.reflectance, reference[nearest, 1:].T, atol=0.01)
