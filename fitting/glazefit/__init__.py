@@ -7,19 +7,44 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .evidence import Discrepancy, Prior
     from .films import Films, Instrument, Noise
+    from .identification import ground_from_air, identify, identify_films
+    from .identify_result import Candidate, Identification
     from .readers import read_films
     from .recover import recover_films
     from .result import Recovery
     from .simulate import simulate_films
 
-__all__ = ["Films", "Instrument", "Noise", "Recovery", "read_films", "recover_films", "simulate_films"]
+__all__ = [
+    "Candidate",
+    "Discrepancy",
+    "Films",
+    "Identification",
+    "Instrument",
+    "Noise",
+    "Prior",
+    "Recovery",
+    "ground_from_air",
+    "identify",
+    "identify_films",
+    "read_films",
+    "recover_films",
+    "simulate_films",
+]
 
 _HOMES = {
+    "Candidate": "identify_result",
+    "Discrepancy": "evidence",
     "Films": "films",
+    "Identification": "identify_result",
     "Instrument": "films",
     "Noise": "films",
+    "Prior": "evidence",
     "Recovery": "result",
+    "ground_from_air": "identification",
+    "identify": "identification",
+    "identify_films": "identification",
     "read_films": "readers",
     "recover_films": "recover",
     "simulate_films": "simulate",

@@ -45,7 +45,7 @@ class Measured:
 def check_spectra(
     spectra: ArrayLike, wavelengths: ArrayLike, grounds: ArrayLike | None, names: Sequence[str] | None
 ) -> Measured:
-    """Spectra and grounds as (spectra, grounds, bands); see `glazefit.identify.identify`.
+    """Spectra and grounds as (spectra, grounds, bands); see `glazefit.identification.identify_chunks`.
 
     Raises:
         ValueError: shapes that do not match, values that are not reflectances, or repeated names.

@@ -9,11 +9,11 @@ from jaxtyping import Bool, Float, Int
 
 from .candidates import Paints, Search, amounts_grid, grow, score, screen, sets_of, unique_best
 from .evidence import Discrepancy, Prior, covariance, whitening
-from .films import Instrument, Noise
+from .films import Noise
 from .identify_fit import LEAST, MOST, Fitted, Weights, fit_sets
 from .identify_inputs import Measured
 from .identify_result import NOBODY, Pool
-from .identify_stacks import fit_stacks, orders
+from .identify_stacks import Optics, fit_stacks, orders
 from .response import FilmResponse
 
 CHUNK = 16
@@ -32,7 +32,8 @@ class Task(NamedTuple):
     response: FilmResponse
     paints: Paints
     wavelengths: Float[np.ndarray, "bands"]
-    instrument: Instrument
+    optics: Optics
+    surface: float  # what a smooth surface adds to a reading
     noise: Noise
     discrepancy: Discrepancy
     prior: Prior
@@ -51,12 +52,12 @@ class Task(NamedTuple):
 
     def target(self, readings: Float[np.ndarray, "spectra grounds bands"]) -> Float[np.ndarray, "spectra readings"]:
         """Readings without the mean surface."""
-        return (readings - self.discrepancy.gloss * self.instrument.seen_surface).reshape(len(readings), -1)
+        return (readings - self.discrepancy.gloss * self.surface).reshape(len(readings), -1)
 
     def common_whitening(self, grounds: int) -> Float[np.ndarray, "readings readings"]:
         """Of a reading of middling size, for the searches that only rank."""
         sd = self.noise.sd(np.full((grounds, self.wavelengths.size), _TYPICAL_READING))
-        return whitening(covariance(sd, self.wavelengths, self.instrument.seen_surface, self.discrepancy, 1.0))[0]
+        return whitening(covariance(sd, self.wavelengths, self.surface, self.discrepancy, 1.0))[0]
 
     def log_set(self, size: int) -> float:
         """Log prior probability of one set of so many paints."""
@@ -76,7 +77,7 @@ class Start(NamedTuple):
 def weights_of(task: Task, readings: Float[np.ndarray, "spectra grounds bands"]) -> Weights:
     """Errors of some spectra, for each scale of the discrepancy."""
     sd, d = task.noise.sd(readings), task.discrepancy
-    parts = [whitening(covariance(sd, task.wavelengths, task.instrument.seen_surface, d, scale)) for scale in d.scales]
+    parts = [whitening(covariance(sd, task.wavelengths, task.surface, d, scale)) for scale in d.scales]
     white, height = (np.stack(a, axis=1) for a in zip(*parts, strict=True))
     height = height + np.log(np.asarray(d.weights) / sum(d.weights))
     alike = [np.full(len(readings), value) for value in (task.prior.spread, task.prior.concentration)]
@@ -208,7 +209,7 @@ def _stacked(task: Task, pool: Pool, ground: jax.Array, weights: Weights) -> Poo
         sets = np.repeat(sets, len(ways), axis=1)
         coats = np.broadcast_to(np.tile(ways, (keep, 1)), sets.shape)
         fitted = fit_stacks(
-            task.paints, jnp.asarray(sets), jnp.asarray(coats), ground, weights, task.instrument, task.middle
+            task.paints, jnp.asarray(sets), jnp.asarray(coats), ground, weights, task.optics, task.middle
         )
         whole = whole.merged(_pool(task, sets, fitted, coats, coats_share - np.log(len(ways))))
     return whole

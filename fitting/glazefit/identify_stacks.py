@@ -6,22 +6,30 @@ each is tried at a coarse grid of amounts first.
 
 import functools
 import itertools
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from glazejax.radiative.stack import stack_hemispherical_reflectance
+from glazejax.radiative.stack import stack_hemispherical_reflectance, stack_reflectance_factor
 
 from .candidates import Paints
-from .films import Instrument
 from .identify_fit import Fitted, Weights, evidence, fit_one
 
 _TOLERANCE = 1e-4
 _SCREEN_TOLERANCE = 1e-2
 # Log amounts of each paint that a stack starts from, about the set's usual thickness.
 _STARTS = {2: np.log([0.03, 0.1, 0.3, 0.8, 2.0]), 3: np.log([0.05, 0.25, 1.0])}
+
+
+class Optics(NamedTuple):
+    """Cosines in air and refractive index; without a cosine of viewing, a sphere."""
+
+    cos_incidence: float
+    cos_viewing: float | None
+    refractive_index: float
 
 
 def orders(size: int) -> Int[np.ndarray, "orders size"]:
@@ -36,7 +44,7 @@ def stack_readings(
     coats: Int[Array, "size"],
     amounts: Float[Array, "size"],
     ground: Float[Array, "grounds bands"],
-    instrument: Instrument,
+    optics: Optics,
     tolerance: float,
 ) -> Float[Array, "grounds bands"]:
     """What two coats read over each ground, without the surface's part.
@@ -46,25 +54,28 @@ def stack_readings(
         coats: where each paint lies, 0 above 1.
         amounts: of the paints.
         ground: internal reflectance.
-        instrument: geometry and index.
+        optics: cosines and index.
         tolerance: of the solver.
     """
     place = (coats[:, None] == jnp.arange(2)) * amounts[:, None]
     layers_k, layers_s = jnp.einsum("ml,mb->bl", place, k), jnp.einsum("ml,mb->bl", place, s)
     depth = layers_k + layers_s + 1e-12
-    return stack_hemispherical_reflectance(
+    solver = stack_hemispherical_reflectance
+    if optics.cos_viewing is not None:
+        solver = functools.partial(stack_reflectance_factor, cos_viewing=optics.cos_viewing)
+    return solver(
         layers_s / depth,
         depth,
         ground,
-        refractive_index=instrument.refractive_index,
-        cos_incidence=instrument.cos_incidence,
+        refractive_index=optics.refractive_index,
+        cos_incidence=optics.cos_incidence,
         tolerance=tolerance,
     )
 
 
-@functools.partial(jax.jit, static_argnames=("instrument", "middle"))
+@functools.partial(jax.jit, static_argnames=("optics", "middle"))
 def fit_stacks(
-    paints: Paints, sets: Array, coats: Array, ground: Array, weights: Weights, instrument: Instrument, middle: int
+    paints: Paints, sets: Array, coats: Array, ground: Array, weights: Weights, optics: Optics, middle: int
 ) -> Fitted:
     """Fit candidates of two coats.
 
@@ -74,7 +85,7 @@ def fit_stacks(
         coats: coat of each paint, (spectra, sets, size).
         ground: internal reflectance, (spectra, grounds, bands).
         weights: of each spectrum.
-        instrument: geometry and index.
+        optics: cosines and index.
         middle: scale of the discrepancy that is fitted with.
     """
     size = sets.shape[-1]
@@ -83,12 +94,10 @@ def fit_stacks(
     def one(spectrum: tuple) -> Fitted:
         members, coats, ground, weights = spectrum
         k, s = paints.absorption[members], paints.scattering[members]
-        read = functools.partial(
-            stack_readings, k, s, coats, ground=ground, instrument=instrument, tolerance=_TOLERANCE
+        read = functools.partial(stack_readings, k, s, coats, ground=ground, optics=optics, tolerance=_TOLERANCE)
+        coarse = jax.vmap(lambda logs: stack_readings(k, s, coats, jnp.exp(logs), ground, optics, _SCREEN_TOLERANCE))(
+            places
         )
-        coarse = jax.vmap(
-            lambda logs: stack_readings(k, s, coats, jnp.exp(logs), ground, instrument, _SCREEN_TOLERANCE)
-        )(places)
         off = (weights.target - coarse.reshape(places.shape[0], -1)) @ weights.whitening[middle].T
         start = places[jnp.argmin(jnp.sum(off**2, axis=-1))]
 
@@ -103,11 +112,10 @@ def fit_stacks(
         log_evidence, spread = evidence(logs, hessian, readings, weights)
         return Fitted(logs, spread, log_evidence, readings)
 
-    spectra, count = sets.shape[:2]
+    count = sets.shape[1]
 
     def many(spectrum: tuple) -> Fitted:
         sets, coats, ground, weights = spectrum
         return jax.lax.map(lambda pair: one((*pair, ground, weights)), (sets, coats), batch_size=count)
 
-    del spectra
     return jax.lax.map(many, (sets, coats, ground, weights))

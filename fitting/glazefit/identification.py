@@ -15,8 +15,10 @@ import numpy as np
 from jaxtyping import ArrayLike, Float
 from scipy.special import logsumexp
 
-from glazejax import Pigment
+from glazejax import Bidirectional, Hemispherical, Pigment
+from glazejax.geometry import Geometry
 from glazejax.media import MAX_THICKNESS
+from glazejax.radiative.fresnel import dielectric_reflectance
 
 from .candidates import Paints
 from .evidence import Discrepancy, Prior, covariance, log_none
@@ -24,6 +26,7 @@ from .films import Films, Instrument, Noise, cards
 from .identify_inputs import Measured, check_pigments, check_spectra
 from .identify_result import Identification, Pool
 from .identify_search import CHUNK, Task, first_starts, search_chunk
+from .identify_stacks import Optics
 from .response import film_response
 
 # Scattering optical thickness of a film that hides its ground.
@@ -37,6 +40,7 @@ def identify_chunks(
     *,
     grounds: ArrayLike | None,
     instrument: Instrument | None = None,
+    geometry: Geometry | None = None,
     noise: Noise | None = None,
     discrepancy: Discrepancy | None = None,
     prior: Prior | None = None,
@@ -56,6 +60,7 @@ def identify_chunks(
             for each spectrum, (spectra, grounds, bands). None for films that hide their ground; their thickness is then
             unknown.
         instrument: by default d:8 with the specular part, index 1.5.
+        geometry: instead of the instrument's, such as `glazejax.Bidirectional(45, 0)` for one without a sphere.
         noise: of a reading.
         discrepancy: of the model; see `glazefit.evidence.Discrepancy`.
         prior: what is expected beforehand.
@@ -74,15 +79,17 @@ def identify_chunks(
         raise ValueError(f"layers is {layers}; one coat or two can be tried")
     if layers == 2 and grounds is None:
         raise ValueError("two coats need to know the ground; an opaque film shows its top coat only: use layers=1")
+    seen_by = instrument.geometry if geometry is None else geometry
     measured = check_spectra(spectra, wavelengths, grounds, names)
     known = check_pigments(pigments, measured.wavelengths)
     if grounds is None:
         prior = _opaque(prior, known)
     task = Task(
-        film_response(instrument.geometry, instrument.refractive_index),
+        film_response(seen_by, instrument.refractive_index),
         _paints(known, prior.thickness),
         measured.wavelengths,
-        instrument,
+        _optics(seen_by, instrument.refractive_index),
+        instrument.surface if seen_by.specular else 0.0,
         noise,
         discrepancy or Discrepancy(),
         prior,
@@ -108,7 +115,7 @@ def _weigh(
     best = np.argsort(-probability, axis=1, kind="stable")[:, :keep]
     top = pool.take(best)
     gloss = _gloss(task, measured, top)
-    fitted = top.readings + gloss[..., None] * task.instrument.seen_surface
+    fitted = top.readings + gloss[..., None] * task.surface
     return Identification(
         measured=measured,
         paints=names,
@@ -127,7 +134,7 @@ def _weigh(
 
 def _gloss(task: Task, measured: Measured, pool: Pool) -> Float[np.ndarray, "spectra candidates"]:
     """Share of the surface's reflection that each candidate's residual speaks for."""
-    seen, d = task.instrument.seen_surface, task.discrepancy
+    seen, d = task.surface, task.discrepancy
     matrix = covariance(task.noise.sd(measured.readings), task.wavelengths, seen, d, 1.0)
     lever = np.linalg.solve(matrix, np.ones((*matrix.shape[:2], 1)))[..., 0]
     off = task.target(measured.readings)[:, None] - pool.readings
@@ -167,6 +174,33 @@ def _opaque(prior: Prior, pigments: Sequence[Pigment]) -> Prior:
     """A film so thick that its ground does not matter: the thickness is set, not sought."""
     typical = np.median([np.median(np.asarray(p.scattering)) for p in pigments])
     return replace(prior, thickness=min(_OPAQUE / max(float(typical), 1.0), MAX_THICKNESS), spread=0.05)
+
+
+def _optics(geometry: Geometry, index: float) -> Optics:
+    """Plain numbers, which compiled programs can be made for."""
+    viewing = float(np.asarray(geometry.cos_viewing)) if isinstance(geometry, Bidirectional) else None
+    return Optics(float(np.asarray(geometry.cos_incidence)), viewing, float(index))
+
+
+def ground_from_air(
+    bare: Float[np.ndarray, "*shape"], geometry: Geometry | None = None, refractive_index: float = 1.5
+) -> Float[np.ndarray, "*shape"]:
+    """Internal reflectance of grounds from what they read bare, with the same instrument, (...).
+
+    Raises:
+        ValueError: a reading below the surface's reflection or above that of a perfect diffuser, by more than .01.
+    """
+    geometry = geometry or Hemispherical()
+    optics = _optics(geometry, refractive_index)
+    seen = float(dielectric_reflectance(optics.cos_incidence, refractive_index)) if geometry.specular else 0.0
+    _, gain, back = film_response(geometry, refractive_index).numbers(jnp.zeros(()), jnp.zeros(()))
+    within = np.asarray(bare, dtype=np.float64) - seen
+    inside = within / (float(gain) + float(back) * within)
+    for wrong, words in ((within < -0.01, "less than its surface alone"), (inside > 1.01, "more than white can")):
+        if wrong.any():
+            value = np.asarray(bare)[wrong].flat[0]
+            raise ValueError(f"the bare ground reads {value:.4f} ({words}); is it seen with another instrument?")
+    return np.clip(inside, 0.0, 1.0)
 
 
 def _paints(pigments: Sequence[Pigment], thickness: float) -> Paints:
