@@ -33,6 +33,8 @@ def put(tmp_path, text, name="t.csv"):
         "wavelength,red,blue\n400,0.1,0.4\n410,0.2,0.5\n420,0.3,0.6\n",
         "Wavelength (nm);red;blue\n400;0,1;0,4\n410;0,2;0,5\n420;0,3;0,6\n",
         "nm red blue\n400 .1 .4\n410 .2 .5\n420 .3 .6\n",
+        "[nm],red,blue\n400,.1,.4\n410,.2,.5\n420,.3,.6\n",
+        "## date = today\n" + WIDE,
     ],
 )
 def test_every_layout_reads_the_same(tmp_path, text):

@@ -25,7 +25,7 @@ def header(*, magic=b"as5", kind=1, channels=GRID.size, start=350.0, comment=b"o
     return content
 
 
-def body(values, white=WHITE):
+def body(values, white: np.ndarray | None = WHITE):
     """Counts of the sample and, after the reference's own header, of the white."""
     content = np.asarray(values, "<f8").tobytes()
     if white is not None:

@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -51,7 +53,7 @@ def test_what_is_written_follows_the_schema(tmp_path):
     import colour_cxf
 
     write_spectra(SpectraTable(GRID, ("a", "b", "c"), spectra()), tmp_path / "t.cxf")
-    document = colour_cxf.read_cxf_from_file(tmp_path / "t.cxf")
+    document: Any = colour_cxf.read_cxf_from_file(tmp_path / "t.cxf")
     (specification,) = document.resources.color_specification_collection.color_specification
     measured = specification.measurement_spec
     assert measured.measurement_type.value.value == "Spectrum_Reflectance"

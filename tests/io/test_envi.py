@@ -1,5 +1,7 @@
 """ENVI libraries and images, most of them written by Spectral Python."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 import spectral.io.envi as spy
@@ -34,7 +36,7 @@ def put(folder, values=None, *, name="lib", **changes):
 
 
 def test_library_written_by_spectral_python(tmp_path):
-    library = spy.SpectralLibrary(spectra().astype("f4"), {"wavelength": GRID, "spectra names": ["a", "b", "c"]})
+    library: Any = spy.SpectralLibrary(spectra().astype("f4"), {"wavelength": GRID, "spectra names": ["a", "b", "c"]})
     library.bands.band_unit = "Nanometers"
     library.save(str(tmp_path / "lib"))
     for name in ("lib.hdr", "lib.sli"):
@@ -214,6 +216,23 @@ def test_missing_pixels_and_bad_bands_of_an_image(tmp_path):
     assert len(table) == 19
     assert "line 3 sample 4" not in table.names
     np.testing.assert_allclose(table["line 1 sample 1"], image[0, 0, 1:], atol=1e-4)
+
+
+@pytest.mark.parametrize(("dtype", "mark"), [("u2", -999), ("f4", -1.23e34), ("i2", -999)])
+def test_mark_of_missing_data_in_the_files_own_type(tmp_path, dtype, mark):
+    image = cube(tmp_path, dtype=dtype, reflectance_scale_factor=10000, data_ignore_value=mark)
+    if dtype != "u2":
+        raw = np.memmap(tmp_path / "image.img", f"<{dtype}", "r+", shape=(4, 31, 5))
+        raw[0, :, 0] = mark
+        raw.flush()
+    opened = read_cube(tmp_path / "image.hdr")
+    assert np.isnan(opened[0, 0]).all() == (dtype != "u2")
+    np.testing.assert_allclose(opened[0, 1], image[0, 1], atol=1e-4)
+
+
+def test_header_with_both_endings(tmp_path):
+    put(tmp_path).rename(tmp_path / "lib.sli.hdr")
+    assert len(read_spectra(tmp_path / "lib.sli.hdr")) == len(read_spectra(tmp_path / "lib.sli")) == 3
 
 
 def test_glare_does_not_decide_an_images_unit(tmp_path):

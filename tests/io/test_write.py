@@ -1,6 +1,7 @@
 """Files that are written read back bit for bit, and nothing is replaced unasked."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
@@ -54,7 +55,7 @@ def test_envi_is_legal_for_spectral_python(tmp_path):
     import spectral.io.envi as spy
 
     write_spectra(SpectraTable(GRID, ("a", "b", "c"), spectra()), tmp_path / "t.sli")
-    library = spy.open(str(tmp_path / "t.hdr"))
+    library: Any = spy.open(str(tmp_path / "t.hdr"))
     np.testing.assert_array_equal(library.spectra, spectra())
     assert library.names == ["a", "b", "c"]
     assert library.bands.centers == GRID.tolist()
@@ -113,3 +114,18 @@ def test_what_cannot_be_written_is_said(tmp_path, grid, names, name, how, compla
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(FileNotFoundError, match="folder"):
         write_spectra(SpectraTable(GRID, ("a",), spectra(1)), tmp_path / "no" / "t.csv")
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -0.1, 4.0])
+def test_only_legal_fractions_are_written(tmp_path, value):
+    values = spectra()
+    values[1, 2] = value
+    with pytest.raises(ValueError, match=r"'b' is .* at 420 nm; it must be a fraction from 0 to 3"):
+        write_spectra(SpectraTable(GRID, ("a", "b", "c"), values), tmp_path / "t.csv")
+    with pytest.raises(ValueError, match="make no table"):
+        write_spectra(SpectraTable(GRID, ("a",), spectra()), tmp_path / "t.csv")
+
+
+def test_what_is_left_behind_is_said(tmp_path):
+    table = SpectraTable(GRID, ("a",), spectra(1), attributes={"grams": ("2.5",)})
+    assert write_spectra(table, tmp_path / "t.csv") == ["only names and spectra are written, not grams"]

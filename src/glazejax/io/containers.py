@@ -85,11 +85,7 @@ class SpectraCube:
         if isinstance(window, tuple) and len(window) > 2:
             raise IndexError("a cube is indexed by lines and samples; take bands from the result")
         raw = np.asarray(self.raw[window])[..., self.bands]
-        values = raw.astype(np.float64)
-        if self.ignore is not None and not np.isnan(self.ignore):
-            # In the file's own type, where the mark is exact.
-            values[raw == np.asarray(self.ignore).astype(raw.dtype)] = np.nan
-        return values / self.scale
+        return with_gaps(raw, self.ignore) / self.scale
 
     def table(self) -> SpectraTable:
         """All pixels as a table, named ``line 1 sample 1`` and so on; pixels that lack data are left out, with a note.
@@ -124,6 +120,16 @@ class SpectraCube:
     def __repr__(self) -> str:
         lines, samples, _ = self.shape
         return f"SpectraCube({lines} lines x {samples} samples, {describe_grid(self.wavelengths)})"
+
+
+def with_gaps(raw: np.ndarray, ignore: float | None) -> Float[np.ndarray, "..."]:
+    """Numbers of a file as float64, NaN where they are the mark of missing data."""
+    values = raw.astype(np.float64)
+    if ignore is not None:
+        # A mark such as -1.23e34 is rounded as the data are.
+        mark = np.float64(raw.dtype.type(ignore)) if raw.dtype.kind == "f" else ignore
+        values[values == mark] = np.nan
+    return values
 
 
 def listed(names: Sequence[str]) -> str:

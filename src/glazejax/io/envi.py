@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ..spectra import MAX_FRACTION, MIN_PERCENT, validate_wavelengths
-from .containers import SpectraCube, SpectraTable
+from .containers import SpectraCube, SpectraTable, with_gaps
 from .finish import MAX_DECLARED, RawSpectra, nanometres
 from .sniff import decode
 
@@ -66,11 +66,8 @@ def read_envi_library(path: Path, data: Path | None = None) -> RawSpectra:
     if stored.shape[2] != 1:
         raise ValueError(f"{path}: an ENVI spectral library of {stored.shape[2]} bands, where one is legal")
     wavelengths, bands, notes = _grid(path, header, stored.shape[1])
-    raw = stored[:, bands, 0]
-    values = raw.astype(np.float64)
     ignore = _ignore(path, header)
-    if ignore is not None and not np.isnan(ignore):
-        values[raw == np.asarray(ignore).astype(raw.dtype)] = np.nan
+    values = with_gaps(stored[:, bands, 0], ignore)
     count = len(values)
     names = _list(header, "spectra names") or [f"spectrum {i + 1}" for i in range(count)]
     if len(names) != count:

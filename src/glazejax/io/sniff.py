@@ -10,7 +10,11 @@ _HEAD = 1 << 16
 _CGATS = re.compile(
     r"\A\s*(CGATS\S*|IT8\S*|ISO ?28178\S*|CTI[1-4]|SPECT|SPOT|NCLR)\s*$|^\s*BEGIN_DATA_FORMAT\b", re.MULTILINE
 )
-_JCAMP = re.compile(r"\A(\s|\$\$.*$)*##\s*[A-Z][A-Z0-9 ._/-]*=", re.MULTILINE | re.IGNORECASE)
+# A table may begin with a comment such as ## date = today.
+_JCAMP = re.compile(r"\A(?:(?:\s|\$\$|##).*\n)*?\s*##\s*(?:TITLE|JCAMP-?DX)\s*=", re.IGNORECASE)
+_XML = re.compile(r"\A\s*<[?!A-Za-z]")
+# A table may begin with a title such as [nm].
+_JSON = re.compile(r"\A\s*(\[\s*[\[{\]]|\{\s*[\"}])")
 _ASD = (b"ASD", b"as2", b"as3", b"as4", b"as5", b"as6", b"as7", b"as8")
 
 
@@ -36,10 +40,9 @@ def identify(path: Path) -> Kind:
     text = head.decode("utf-8-sig", errors="replace")
     if text.split("\n", 1)[0].strip() == "ENVI":
         return "envi header"
-    start = text.lstrip()
-    if start.startswith("<"):
+    if _XML.match(text):
         return "cxf"
-    if start.startswith(("[", "{")):
+    if _JSON.match(text):
         return "json"
     if _JCAMP.match(text):
         return "jcamp"

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from ..spectra import MAX_FRACTION
-from .containers import SpectraTable
-from .finish import different
+from ..spectra import MAX_FRACTION, validate_wavelengths
+from .containers import SpectraTable, listed
+from .finish import MAX_DECLARED, different
 
 
 def write_table(
@@ -84,7 +84,8 @@ def write_spectra(
     Raises:
         FileExistsError: a file exists and `overwrite` is false.
         FileNotFoundError: its folder does not exist.
-        ValueError: unknown format; wavelengths that CxF3 cannot hold; names that a long table cannot.
+        ValueError: unknown format; a table that is empty or not of legal fractions; wavelengths that CxF3 cannot
+            hold; names that a long table cannot.
     """
     path = Path(path)
     kind = format or _ENDINGS.get(path.suffix.lower())
@@ -93,7 +94,10 @@ def write_spectra(
         raise ValueError(f"{path}: no format is known by {said}; write .csv, .tsv, .cxf or .hdr (ENVI)")
     if long and kind != "csv":
         raise ValueError(f"{path}: only CSV has a long layout")
+    _check(table, path)
     notes: list[str] = []
+    if table.attributes:
+        notes.append(f"only names and spectra are written, not {listed(list(table.attributes))}")
     names = [" ".join(_UNFIT.sub(" ", name).split()) for name in table.names]
     names = [name or f"spectrum {i + 1}" for i, name in enumerate(names)]
     if (changed := sum(old != new for old, new in zip(table.names, names, strict=True))) > 0:
@@ -116,6 +120,21 @@ def write_spectra(
         files = {path.with_suffix(".sli"): numbers, path.with_suffix(".hdr"): header.encode()}
     _write_files(files, overwrite)
     return notes
+
+
+def _check(table: SpectraTable, path: Path) -> None:
+    """Refuse what could not be read back."""
+    validate_wavelengths(table.wavelengths)
+    values = np.asarray(table.reflectance)
+    if values.shape != (len(table), table.wavelengths.size) or not len(table):
+        raise ValueError(f"{path}: {len(table)} names and reflectance of shape {values.shape} make no table to write")
+    wrong = ~(np.isfinite(values) & (values >= 0) & (values <= MAX_DECLARED))
+    if wrong.any():
+        i, j = (int(k) for k in np.argwhere(wrong)[0])
+        raise ValueError(
+            f"{path}: reflectance of {table.names[i]!r} is {values[i, j]:g} at {table.wavelengths[j]:g} nm; it must be "
+            f"a fraction from 0 to {MAX_DECLARED:g}"
+        )
 
 
 def _write_files(files: dict[Path, bytes], overwrite: bool) -> None:
