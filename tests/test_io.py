@@ -1,4 +1,5 @@
 import csv
+import time
 
 import jax.numpy as jnp
 import numpy as np
@@ -189,6 +190,14 @@ def test_workbooks_are_named(tmp_path):
 def test_names_do_not_decide_the_format(tmp_path):
     assert read_spectra(put(tmp_path, WIDE, "t.cxf")).format == "CSV table, a sample a row"
     assert read_spectra(put(tmp_path, WIDE.replace("Name", "ENVI"), "t.hdr")).names == ("red", "blue")
+
+
+def test_blank_files_are_refused_at_once(tmp_path):
+    for text in ("\n" * 60_000, "   \n" * 15_000, "##\n" * 20_000, "$$ \n" * 15_000):
+        start = time.perf_counter()
+        with pytest.raises(ValueError, match="empty|header"):
+            read_spectra(put(tmp_path, text))
+        assert time.perf_counter() - start < 2
 
 
 START = ["ENVI\n", "##TITLE=", "CGATS.17\n", "as7\0", "ASD\0", "<?xml", "[{", "BEGIN_DATA_FORMAT\n"]

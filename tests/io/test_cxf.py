@@ -1,3 +1,4 @@
+import sys
 from typing import Any
 
 import numpy as np
@@ -86,3 +87,9 @@ def test_errors_are_one_line(tmp_path, text, complaint):
     with pytest.raises(ValueError, match=complaint) as caught:
         read_spectra(path)
     assert complains(caught, path)
+
+
+def test_without_the_package(tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "colour_cxf", None)
+    with pytest.raises(ValueError, match="pip install colour-cxf"):
+        read_spectra(put(tmp_path, SAMPLE))

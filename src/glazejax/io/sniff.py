@@ -8,10 +8,9 @@ Kind = Literal["table", "columns", "cgats", "cxf", "jcamp", "json", "envi header
 
 _HEAD = 1 << 16
 _CGATS = re.compile(
-    r"\A\s*(CGATS\S*|IT8\S*|ISO ?28178\S*|CTI[1-4]|SPECT|SPOT|NCLR)\s*$|^\s*BEGIN_DATA_FORMAT\b", re.MULTILINE
+    r"\A\s*(CGATS\S*|IT8\S*|ISO ?28178\S*|CTI[1-4]|SPECT|SPOT|NCLR)[ \t]*$|^[ \t]*BEGIN_DATA_FORMAT\b", re.MULTILINE
 )
-# A table may begin with a comment such as ## date = today.
-_JCAMP = re.compile(r"\A(?:(?:\s|\$\$|##).*\n)*?\s*##\s*(?:TITLE|JCAMP-?DX)\s*=", re.IGNORECASE)
+_JCAMP = re.compile(r"##\s*(TITLE|JCAMP-?DX)\s*=", re.IGNORECASE)
 _XML = re.compile(r"\A\s*<[?!A-Za-z]")
 # A table may begin with a title such as [nm].
 _JSON = re.compile(r"\A\s*(\[\s*[\[{\]]|\{\s*[\"}])")
@@ -44,7 +43,7 @@ def identify(path: Path) -> Kind:
         return "cxf"
     if _JSON.match(text):
         return "json"
-    if _JCAMP.match(text):
+    if _is_jcamp(text):
         return "jcamp"
     if _CGATS.search(text):
         return "cgats"
@@ -62,6 +61,17 @@ def header_beside(path: Path) -> Path | None:
                     if file.read(64).decode("utf-8-sig", errors="replace").split("\n", 1)[0].strip() == "ENVI":
                         return candidate
     return None
+
+
+def _is_jcamp(text: str) -> bool:
+    """Whether the text begins with labels of JCAMP-DX; a table may begin with comments such as ## date = today."""
+    for line in text.splitlines():
+        start = line.lstrip()
+        if _JCAMP.match(start):
+            return True
+        if start and not start.startswith(("##", "$$")):
+            return False
+    return False
 
 
 def _is_columns(text: str, cut: bool) -> bool:
