@@ -11,6 +11,9 @@ if TYPE_CHECKING:
     from .films import Films, Instrument, Noise
     from .identification import ground_from_air, identify, identify_films
     from .identify_result import Candidate, Identification
+    from .posterior import Posterior, posterior_of_bands, posterior_of_film
+    from .posterior_film import FilmPrior
+    from .posterior_reading import Reading, over_ground
     from .readers import read_films
     from .recover import recover_films
     from .result import Recovery
@@ -19,15 +22,21 @@ if TYPE_CHECKING:
 __all__ = [
     "Candidate",
     "Discrepancy",
+    "FilmPrior",
     "Films",
     "Identification",
     "Instrument",
     "Noise",
+    "Posterior",
     "Prior",
+    "Reading",
     "Recovery",
     "ground_from_air",
     "identify",
     "identify_films",
+    "over_ground",
+    "posterior_of_bands",
+    "posterior_of_film",
     "read_films",
     "recover_films",
     "simulate_films",
@@ -36,15 +45,21 @@ __all__ = [
 _HOMES = {
     "Candidate": "identify_result",
     "Discrepancy": "evidence",
+    "FilmPrior": "posterior_film",
     "Films": "films",
     "Identification": "identify_result",
     "Instrument": "films",
     "Noise": "films",
+    "Posterior": "posterior",
     "Prior": "evidence",
+    "Reading": "posterior_reading",
     "Recovery": "result",
     "ground_from_air": "identification",
     "identify": "identification",
     "identify_films": "identification",
+    "over_ground": "posterior_reading",
+    "posterior_of_bands": "posterior",
+    "posterior_of_film": "posterior",
     "read_films": "readers",
     "recover_films": "recover",
     "simulate_films": "simulate",

@@ -1,0 +1,115 @@
+"""A posterior as ArviZ's InferenceData, the form that its plots, its statistics and NetCDF files take.
+
+Walkers are ArviZ's chains. Lengths are in m, k d and s d optical thicknesses, reflectance a fraction.
+"""
+
+import warnings
+from importlib.metadata import version
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from .posterior import Posterior
+
+# Draws whose spectra are kept.
+_SPECTRA = 400
+
+
+def load_arviz() -> Any:
+    """ArviZ, without the announcement of its next version."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", FutureWarning)
+        import arviz
+    return arviz
+
+
+def inference_data(posterior: "Posterior") -> Any:
+    """Groups posterior, sample_stats, log_likelihood, posterior_predictive, observed_data and constant_data.
+
+    The predictive group holds spectra without noise, of some draws; log-likelihoods are up to a constant.
+    """
+    arviz = load_arviz()
+    problem, film = posterior.problem, posterior.films[0]
+    bands, single = problem.kind == "bands", len(problem.blocks) == 1
+    block = "wavelength" if bands else "film"
+    coords: dict[str, Any] = {
+        "wavelength": film.wavelengths,
+        "ground": list(film.grounds),
+        "film": list(problem.blocks),
+    }
+    if bands:
+        coords.pop("film")
+    dims: dict[str, list[str]] = {}
+
+    def by_block(name: str, values: np.ndarray) -> np.ndarray:
+        """(steps, walkers, blocks) as (walkers, steps, blocks), or without the last axis for a single film."""
+        values = np.swapaxes(values, 0, 1)
+        if single and not bands:
+            return values[..., 0]
+        dims[name] = [block]
+        return values
+
+    variables: dict[str, np.ndarray] = {}
+    fractions = []
+    for name, values in posterior.draws.items():
+        if name.startswith("fraction "):
+            fractions.append((name.removeprefix("fraction "), values))
+        else:
+            key = name.replace(" ", "_")
+            variables[key] = by_block(key, values)
+    if fractions:
+        coords["paint"] = [paint for paint, _ in fractions]
+        variables["fraction"] = np.stack([by_block("fraction", values) for _, values in fractions], axis=-1)
+        dims["fraction"] = [*dims.get("fraction", []), "paint"]
+
+    free = posterior.free
+    flat = free.reshape(-1, *free.shape[2:])
+    likelihood = problem.log_likelihood(flat).reshape(free.shape[:3])
+    total = problem.log_probability(flat).reshape(free.shape[:3])
+    some = flat[:: max(1, len(flat) // _SPECTRA)]
+    spectra = problem.readings(some)[None]
+    reading_dims = ["wavelength", "ground"] if bands else ["film", "wavelength", "ground"]
+
+    def each(what: str) -> np.ndarray:
+        values = np.stack([getattr(film, what) for film in posterior.films])
+        return values[0] if bands else values
+
+    dims |= {name: reading_dims for name in ("reflectance", "ground_reflectance", "reflectance_sd")}
+    return arviz.from_dict(
+        posterior=variables,
+        sample_stats={"lp": np.swapaxes(total.sum(axis=-1), 0, 1)},
+        log_likelihood={"reading": by_block("reading", likelihood)},
+        posterior_predictive={"reflectance": spectra},
+        observed_data={"reflectance": each("reflectance")},
+        constant_data={"ground_reflectance": each("ground"), "reflectance_sd": each("sd")},
+        coords=coords,
+        dims=dims,
+        attrs=_attributes(posterior),
+        posterior_attrs=_attributes(posterior),
+    )
+
+
+def _attributes(posterior: "Posterior") -> dict[str, Any]:
+    """Convergence and where the draws come from; NetCDF knows no booleans."""
+    found: dict[str, Any] = {
+        "film": ", ".join(film.name for film in posterior.films),
+        "inference_library": "emcee" if posterior.chain is not None else "Laplace approximation",
+        "glazejax": version("glazejax"),
+        "converged": int(posterior.converged),
+        "convergence": posterior.words(),
+        "open_directions": "; ".join(posterior.identifiability.sentences) or "none",
+        "laplace_tail_index": [float(k) for k in posterior.laplace.tail],
+    }
+    state, chain = posterior.convergence, posterior.chain
+    if state is not None and chain is not None:
+        found |= {
+            "inference_library_version": version("emcee"),
+            "autocorrelation_time": [float(t) for t in state.times],
+            "effective_samples": [float(n) for n in state.samples],
+            "steps_kept": state.length,
+            "steps_discarded": state.discarded,
+            "thin": chain.thin,
+            "acceptance": chain.accepted,
+        }
+    return found

@@ -1,0 +1,155 @@
+"""What is sampled: many small posteriors side by side, each the exponential of minus half a sum of squares.
+
+A block is one posterior of a few unknowns: a film, or one band of a film. Blocks know nothing of each other, so that
+all of them times all walkers are one compiled call, and each block accepts or refuses a step on its own.
+
+Every part of a block's log-probability is written as a squared residual: misfits divided by their errors, and also
+logarithms of determinants and of prior densities, which are kept positive by an added constant. So least squares finds
+the mode.
+"""
+
+import functools
+import hashlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any, NamedTuple, Protocol
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+# What one block computes for one walker takes some 12 kB a band; more columns at once fall out of cache.
+_COLUMNS = 12_000
+
+
+class Residuals(Protocol):
+    """Residuals of one block, (rows,), from its free unknowns, (dims,), its own data and what all blocks share."""
+
+    def __call__(self, free: Float[Array, "dims"], data: Any, shared: Any) -> Float[Array, "rows"]:
+        """Half their squares, summed, are minus the log-probability up to a constant."""
+        ...
+
+
+class Quantity(NamedTuple):
+    """What is reported: a function of the free unknowns.
+
+    Attributes:
+        name: such as "fraction ZincWhite".
+        logarithmic: positive, and best looked at by its logarithm.
+        values: of the free unknowns, (..., dims) -> (...); NumPy.
+    """
+
+    name: str
+    logarithmic: bool
+    values: Callable[[np.ndarray], np.ndarray]
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Independent posteriors with the same unknowns.
+
+    Attributes:
+        kind: "paints" (a block is a film) or "bands" (a block is a wavelength).
+        blocks: their names.
+        unknowns: names of the free unknowns of a block; each may be any real number.
+        residuals: see `Residuals`; a module's function, since compiled programs are kept by it.
+        fitted: what the instrument reads of a block, from the same arguments; (grounds,) or (bands, grounds).
+        prior_rows: how many of the last residuals belong to the prior.
+        data: arrays with the blocks as leading axis.
+        shared: arrays that all blocks use.
+        quantities: what is reported.
+        prior_draws: from a generator and a number, draws of the free unknowns, (n, dims).
+        prior_covariance: of the free unknowns, (dims, dims).
+        bands: wavelengths that one evaluation of a block computes.
+        fingerprint: of the measurement and the settings; two chains may be joined if theirs are equal.
+    """
+
+    kind: str
+    blocks: tuple[str, ...]
+    unknowns: tuple[str, ...]
+    residuals: Residuals
+    fitted: Residuals
+    prior_rows: int
+    data: Any
+    shared: Any
+    quantities: tuple[Quantity, ...]
+    prior_draws: Callable[[np.random.Generator, int], Float[np.ndarray, "n dims"]]
+    prior_covariance: Float[np.ndarray, "dims dims"]
+    bands: int
+    fingerprint: str
+
+    @property
+    def dims(self) -> int:
+        """Unknowns of a block."""
+        return len(self.unknowns)
+
+    def log_probability(self, free: Float[np.ndarray, "walkers blocks dims"]) -> Float[np.ndarray, "walkers blocks"]:
+        """Log-probabilities up to a constant, all walkers and blocks in one compiled call; never NaN."""
+        return np.asarray(log_probability(self.residuals, self.data, self.shared, free, self.chunk))
+
+    @property
+    def chunk(self) -> int:
+        """Walkers computed at a time."""
+        return max(1, _COLUMNS // (self.bands * len(self.blocks)))
+
+    def log_likelihood(self, free: Float[np.ndarray, "draws blocks dims"]) -> Float[np.ndarray, "draws blocks"]:
+        """The part of `log_probability` that the measurement has, up to a constant."""
+        rows = -self.prior_rows
+        return np.asarray(log_probability(self.residuals, self.data, self.shared, free, self.chunk, rows))
+
+    def readings(self, free: Float[np.ndarray, "draws blocks dims"]) -> Float[np.ndarray, "draws blocks *reading"]:
+        """What the instrument would read, without noise."""
+        return np.asarray(_readings(self.fitted, self.data, self.shared, free))
+
+    def draws(self, free: Float[np.ndarray, "*shape dims"]) -> Mapping[str, Float[np.ndarray, "*shape"]]:
+        """The reported quantities of some values of the free unknowns."""
+        return {quantity.name: quantity.values(free) for quantity in self.quantities}
+
+
+@functools.partial(jax.jit, static_argnames=("residuals", "chunk", "rows"))
+def log_probability(
+    residuals: Residuals,
+    data: Any,
+    shared: Any,
+    free: Float[Array, "walkers blocks dims"],
+    chunk: int,
+    rows: int | None = None,
+) -> Float[Array, "walkers blocks"]:
+    """Minus half the sum of squares of the residuals up to `rows`; what overflows, so far out, counts as impossible."""
+
+    def walker(free: Float[Array, "blocks dims"]) -> Float[Array, "blocks"]:
+        values = jax.vmap(lambda f, d: -0.5 * jnp.sum(residuals(f, d, shared)[:rows] ** 2))(free, data)
+        return jnp.where(jnp.isnan(values), -jnp.inf, values)
+
+    if free.shape[0] <= chunk:
+        return jax.vmap(walker)(free)
+    return jax.lax.map(walker, free, batch_size=chunk)
+
+
+@functools.partial(jax.jit, static_argnames="fitted")
+def _readings(fitted: Residuals, data: Any, shared: Any, free: Float[Array, "draws blocks dims"]) -> Array:
+    return jax.lax.map(lambda one: jax.vmap(lambda f, d: fitted(f, d, shared))(one, data), free, batch_size=64)
+
+
+def fingerprint(*parts: Any) -> str:
+    """A hash of arrays, numbers, strings and dataclasses that print themselves."""
+    digest = hashlib.sha256()
+    for part in parts:
+        array = np.asarray(part)
+        digest.update(np.ascontiguousarray(array).tobytes() if array.dtype.kind == "f" else repr(part).encode())
+        digest.update(b"|")
+    return digest.hexdigest()
+
+
+def root_of_log1p(root: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """Square root of log(1 + x^2), smooth through x = 0: a log-determinant as a residual."""
+    square = root**2
+    small = square < 1e-6
+    safe = jnp.where(small, 1.0, square)
+    return root * jnp.where(small, 1.0 - square / 4.0, jnp.sqrt(jnp.log1p(safe) / safe))
+
+
+def uniform_residual(free: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """Residual of an unknown whose sigmoid is uniform in [0, 1]: the logistic density."""
+    return jnp.sqrt(-2.0 * (jax.nn.log_sigmoid(free) + jax.nn.log_sigmoid(-free)))
