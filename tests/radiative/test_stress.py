@@ -17,7 +17,7 @@ from hypothesis import example, given
 from glazejax import stack_hemispherical_reflectance, stack_reflectance_factor
 from glazejax.radiative.directions import half_range
 from glazejax.radiative.fresnel import dielectric_reflectance
-from glazejax.radiative.resolution import resolve
+from glazejax.radiative.resolution import resolve_known
 
 from .cases import (
     EDGE_ALBEDO,
@@ -108,7 +108,7 @@ def test_many_layers(count):
 
 def test_beams_on_nodes_are_nothing_special():
     for index in (1.0, 1.5):
-        nodes = half_range(index, resolve(1e-6, index, index))
+        nodes = half_range(index, resolve_known(1e-6, index))
         inside = nodes.cosines[nodes.reflectance < 1]
         beams = np.sqrt(np.maximum(1 - index**2 * (1 - inside**2), 0))
         beams = beams[beams > 1e-4]

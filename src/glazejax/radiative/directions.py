@@ -1,11 +1,13 @@
 """Half-range quadratures fitted to the interface: which directions inside the medium are followed.
 
-Only directions inside the medium matter to the operator. Those inside the cone of refraction can leave; they are
-Gauss nodes in the cosine OUTSIDE, which removes the square-root singularity of the internal reflectance at the
-critical angle. The rest are totally reflected; there the field varies as exp(-depth/mu), so their nodes crowd
-towards grazing directions.
+Only directions inside the medium matter to the operator. For an index that is a plain number they come from one rule
+over the whole half range (`simultaneous`). An index that is an array, traced or differentiated by, gets a rule split
+at the critical angle. Those inside the cone of refraction can leave; they are Gauss nodes in the cosine OUTSIDE, which
+removes the square-root singularity of the internal reflectance at the critical angle. The rest are totally reflected;
+there the field varies as exp(-depth/mu), so their nodes crowd towards grazing directions.
 """
 
+import functools
 from typing import NamedTuple
 
 import jax
@@ -13,17 +15,20 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from glazejax.radiative.fresnel import array_module, dielectric_reflectance
+from glazejax.radiative.simultaneous import simultaneous_rule
 
 
 class Resolution(NamedTuple):
-    """How many nodes each part of the half range gets; static."""
+    """How many nodes each part of the half range gets, cone + total in all; static."""
 
     cone: int
     """Nodes that can leave, in the outside cosine."""
     total: int
     """Totally reflected nodes; 0 only for an index of exactly one."""
-    crowded: bool
+    crowded: bool = False
     """Whether the cone's nodes crowd towards grazing too: needed as the index nears one."""
+    crowding: float | None = None
+    """If given: one rule for the whole half range with this crowding, whose conditions `cone` and `total` count."""
 
 
 class Directions(NamedTuple):
@@ -63,8 +68,9 @@ _CROWDING = (
 )
 
 
+@functools.lru_cache(maxsize=128)
 def gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Gauss-Legendre nodes (descending) and weights on [0, 1]."""
+    """Gauss-Legendre nodes (descending) and weights on [0, 1]; not to be written to."""
     y, w = np.polynomial.legendre.leggauss(count)
     return 0.5 * (1.0 - y), 0.5 * w
 
@@ -93,7 +99,12 @@ def half_range(refractive_index: float | Float[Array, "*batch"], resolution: Res
 
     Returns:
         `Directions`, arrays (..., cone + total).
+
+    Raises:
+        ValueError: a rule for the whole half range where the index is an array, or where there is no such rule.
     """
+    if resolution.crowding is not None:
+        return _whole_range(refractive_index, resolution)
     xp = array_module(refractive_index)
     n = refractive_index[..., None] if isinstance(refractive_index, jax.Array) else np.float64(refractive_index)
     outside, w_outside = graded_gauss(resolution.cone) if resolution.crowded else gauss(resolution.cone)
@@ -112,6 +123,21 @@ def half_range(refractive_index: float | Float[Array, "*batch"], resolution: Res
         beyond = xp.where(n > 1.0, 1.0, 0.0) * xp.ones(resolution.total)
         reflectance = xp.concatenate([reflectance, beyond], axis=-1)
     return Directions(cosines, conserve(cosines, weights), reflectance)
+
+
+@functools.lru_cache(maxsize=64)
+def _whole_range_of(index: float, resolution: Resolution) -> Directions:
+    assert resolution.crowding is not None
+    found = simultaneous_rule(index, resolution.total, resolution.cone, resolution.crowding)
+    if found is None:
+        raise ValueError(f"there are no directions for the whole half range of index {index:g} with {resolution}")
+    return Directions(found.cosines, conserve(found.cosines, found.weights), found.reflectance)
+
+
+def _whole_range(refractive_index: float | Float[Array, "*batch"], resolution: Resolution) -> Directions:
+    if isinstance(refractive_index, jax.Array):
+        raise ValueError("directions for the whole half range need an index that is a number; it is an array here")
+    return _whole_range_of(float(refractive_index), resolution)
 
 
 def conserve(

@@ -22,7 +22,7 @@ from jaxtyping import Array, Float
 # The two-pole iteration converges quadratically from either side; seven give 1e-15 for 40 directions.
 _ITERATIONS = 7
 # Relative accuracy of the tables, and the equal pieces of the albedo's range that each have a polynomial.
-_TABLE_ACCURACY = 1e-12
+_TABLE_ACCURACY = 1e-13
 _PIECES = 4
 
 

@@ -94,10 +94,10 @@ def order(count: int) -> Order:
 
 
 @jax.named_scope("assemble")
-def assemble(stack: Stack, resolution: Resolution) -> System:
-    """The discretised problem of each stack."""
+def assemble(stack: Stack, resolution: Resolution | Directions) -> System:
+    """The discretised problem of each stack; directions that are given may be traced."""
     n = stack.refractive_index
-    directions = half_range(n, resolution)
+    directions = resolution if isinstance(resolution, Directions) else half_range(n, resolution)
     layers, mirrored, _ = order(stack.albedo.shape[1])
     albedo, thickness = stack.albedo.T[layers], stack.optical_thickness.T[layers]
     modes = layer_modes(albedo, directions.cosines, directions.weights)
@@ -312,6 +312,6 @@ def solve(system: System, *, with_fields: bool) -> tuple[Array, Solution | None]
     return reflectance, Solution(fields, faces[1] if pairs else sigma, faces[0])
 
 
-def reflectance(stack: Stack, resolution: Resolution) -> Array:
+def reflectance(stack: Stack, resolution: Resolution | Directions) -> Array:
     """Reflectance factor, or hemispherical reflectance where the stack has no viewing direction, (batch,)."""
     return solve(assemble(stack, resolution), with_fields=False)[0]

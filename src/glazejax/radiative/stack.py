@@ -23,7 +23,7 @@ from glazejax.radiative.inputs import (
 )
 from glazejax.radiative.ordinates import Stack
 from glazejax.radiative.panels import Mesh
-from glazejax.radiative.resolution import resolve
+from glazejax.radiative.resolution import resolve, resolve_known
 from glazejax.radiative.split import Split
 
 Method = Literal["ordinates", "auxiliary"]
@@ -263,7 +263,8 @@ def _prepare(inputs: _Inputs, tolerance: float, method: str) -> tuple[Stack, _Op
     if fixed is None and high == 1.0:
         high = 1.001  # an array may be differentiated by, and slopes at one are those just above it
     floor = 1e-5 if dtype == jnp.float32 else 0.0
-    resolution, chunk = _resolve(inputs, method, max(tolerance, floor), (low, high), count, dtype.itemsize)
+    tolerance = max(tolerance, floor)
+    resolution, chunk = _resolve(inputs, method, tolerance, (low, high), fixed, count, dtype.itemsize)
     near_one = low < LEAST_SLOPING_INDEX
     options = _Options(method, resolution, fixed, chunk, near_one)
     stack = Stack(
@@ -278,7 +279,13 @@ def _prepare(inputs: _Inputs, tolerance: float, method: str) -> tuple[Stack, _Op
 
 
 def _resolve(
-    inputs: _Inputs, method: str, tolerance: float, indices: tuple[float, float], layers: int, itemsize: int
+    inputs: _Inputs,
+    method: str,
+    tolerance: float,
+    indices: tuple[float, float],
+    fixed: float | None,
+    layers: int,
+    itemsize: int,
 ) -> tuple[Resolution | Mesh, int]:
     """The method's resolution, and how many stacks go through the processor at a time."""
     if method == "auxiliary":
@@ -286,7 +293,7 @@ def _resolve(
         thickest = np.inf if known is None else float(known.max(initial=0.0))
         mesh = auxiliary_graded.resolve(tolerance, thickest, indices[0])
         return mesh, max(1, _AUXILIARY_CHUNK_BYTES // auxiliary_graded.bytes_each(mesh, layers, itemsize))
-    resolution = resolve(tolerance, *indices)
+    resolution = resolve(tolerance, *indices) if fixed is None else resolve_known(tolerance, fixed)
     nodes = resolution.cone + resolution.total
     return resolution, max(16, _CHUNK_BYTES // ((layers + 3) * nodes**2 * itemsize))
 
