@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Bool, Float
 
 from .result import ABSOLUTE_LIMIT, RELATIVE_LIMIT
 
@@ -118,13 +118,20 @@ def of_bands(
     shares, vectors, correlation = directions(free, prior)
     k, s, ratio = (_known(values) for values in (optical[..., 0], optical[..., 1], optical[..., 0] / optical[..., 1]))
     cases = (
-        (ratio & ~(k & s), "only k/s is known, not k and s by themselves"),
+        (only_ratio(optical[..., 0], optical[..., 1]), "only k/s is known, not k and s by themselves"),
         (~ratio & s & ~k, "s is known, but of k only an upper limit"),
         (~ratio & k & ~s, "k is known, but s is not"),
         (~ratio & ~k & ~s, "neither k nor s nor k/s is known to half its value"),
     )
     sentences = [f"{ranges(wavelengths, where)}: {what}" for where, what in cases if where.any()]
     return Identifiability(shares, vectors, correlation, tuple(sentences))
+
+
+def only_ratio(
+    absorption: Float[np.ndarray, "draws blocks"], scattering: Float[np.ndarray, "draws blocks"]
+) -> Bool[np.ndarray, "blocks"]:
+    """Bands of which k/s is known, but not both k and s."""
+    return _known(absorption / scattering) & ~(_known(absorption) & _known(scattering))
 
 
 def _known(values: Float[np.ndarray, "draws blocks"]) -> np.ndarray:

@@ -22,8 +22,8 @@ from .films import Films, Instrument, Noise
 from .gloss import estimate_gloss
 from .identifiability import Identifiability, of_bands, of_paints
 from .posterior_bands import pose_bands
-from .posterior_film import FilmPrior, pose_films, with_errors
-from .posterior_laplace import Laplace, find_modes, gaussians, laplace
+from .posterior_film import FilmPrior, pose_films
+from .posterior_laplace import Laplace, laplace
 from .posterior_problem import Problem
 from .posterior_reading import Reading, readings
 from .posterior_summary import Row, compare, numbers
@@ -33,8 +33,6 @@ if TYPE_CHECKING:
 
 # Draws that Laplace's approximation is reported from.
 _LAPLACE_DRAWS = 4000
-# Times that the errors are taken at a better mode.
-_ROUNDS = 2
 
 
 @dataclass(frozen=True)
@@ -192,10 +190,9 @@ def posterior_of_film(
     """
     instrument, prior = instrument or Instrument(), prior or FilmPrior()
     reading = one_reading(film, instrument, noise or Noise())
-    problem, found = posed_films([reading], [paints], instrument, prior, seed=seed)
-    approximate = gaussians(problem, found, seed=seed)
+    problem = pose_films([reading], [paints], instrument, prior)
     options = {"steps": steps, "walkers": walkers, "thin": thin, "seed": seed, "progress": progress}
-    return sample(problem, (reading,), approximate, path=path, resume=resume, overwrite=overwrite, **options)
+    return sample(problem, (reading,), path=path, resume=resume, overwrite=overwrite, **options)
 
 
 def posterior_of_bands(
@@ -229,32 +226,13 @@ def posterior_of_bands(
     if gloss is None:
         gloss = float(estimate_gloss(film, instrument, noise)[0]) if isinstance(film, Films) else 1.0
     problem = pose_bands(reading, gloss, instrument)
-    approximate = laplace(problem, seed=seed)
     options = {"steps": steps, "walkers": walkers, "thin": thin, "seed": seed, "progress": progress}
-    return sample(problem, (reading,), approximate, path=path, resume=resume, overwrite=overwrite, **options)
-
-
-def posed_films(
-    films: Sequence[Reading],
-    paints: Sequence[Sequence[Pigment]],
-    instrument: Instrument,
-    prior: FilmPrior,
-    *,
-    seed: int = 0,
-) -> tuple[Problem, Float[np.ndarray, "blocks starts dims"]]:
-    """Problem of films with as many paints each, its errors taken at the mode, and its modes, best first."""
-    problem = pose_films(films, paints, instrument, prior)
-    found = find_modes(problem, seed=seed)
-    for _ in range(_ROUNDS):
-        problem = with_errors(problem, found[:, 0], films, prior.error_length)
-        found = find_modes(problem, seed=seed)
-    return problem, found
+    return sample(problem, (reading,), path=path, resume=resume, overwrite=overwrite, **options)
 
 
 def sample(
     problem: Problem,
     films: tuple[Reading, ...],
-    approximate: Laplace,
     *,
     steps: int,
     walkers: int,
@@ -265,9 +243,10 @@ def sample(
     overwrite: bool = False,
     progress: bool = False,
 ) -> Posterior:
-    """Sample a problem from draws of its Laplace approximation; with `steps` 0 sample nothing."""
+    """Sample a problem from draws of its Laplace approximation; with `steps` 0 that is all."""
     if steps < 0:
         raise ValueError(f"{steps} steps were asked for; ask for some thousands, or for 0 to sample nothing")
+    approximate = laplace(problem, seed=seed)
     if steps == 0:
         return Posterior(problem, films, approximate, None)
     from .chain import run_chain

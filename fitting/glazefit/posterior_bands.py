@@ -10,6 +10,8 @@ one number for the whole film; two readings a band leave it open, so it is estim
 """
 
 import functools
+from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import jax
@@ -110,6 +112,13 @@ def pose_bands(reading: Reading, gloss: float, instrument: Instrument) -> Proble
         bands=1,
         fingerprint=fingerprint("bands", *reading_parts(reading), gloss, instrument),
     )
+
+
+def join_bands(problems: Sequence[Problem]) -> Problem:
+    """Bands of several films side by side."""
+    data = jax.tree.map(lambda *parts: jnp.concatenate(parts), *[problem.data for problem in problems])
+    blocks = tuple(block for problem in problems for block in problem.blocks)
+    return replace(problems[0], blocks=blocks, data=data, fingerprint=fingerprint(*(p.fingerprint for p in problems)))
 
 
 def reading_parts(reading: Reading) -> tuple[object, ...]:

@@ -4,19 +4,21 @@ The mixture's k and s are the paints' sums, weighted by fraction, times the thic
 beforehand, thickness log-normal, gloss uniform in [0, 1].
 
 A catalogue never fits to the noise. Its error is a relative one: log k and log s of the mixture are each off by a
-smooth random function of wavelength (Gaussian, correlation exp(-(l - l')^2/2 length^2)) of a standard deviation that is
-itself unknown, the model error, log-normal beforehand. To first order the readings over all grounds then err by
+smooth random function of wavelength, Gaussian with a Matérn-3/2 correlation, (1 + x) exp(-x), x = sqrt(3)|l - l'| /
+length, which forgives sharper errors than a smoother law. Their standard deviation is itself unknown: the model error,
+log-normal beforehand. To first order the readings over all grounds then err by
 
     C = diag(sd^2 + (dR/d rho)^2 ground_sd^2) + error^2 B,     B = Jk K Jk^T + Js K Js^T
 
-with slopes J by log k and log s, taken at the mode. With W that makes the first part unity and B diagonal, b, the
+with slopes J by log k and log s, taken at the film's own k d and s d, which its readings tell band by band
+(`glazefit.posterior_bands`) whatever the catalogue says. With W that makes the first part unity and B diagonal, b, the
 residuals are W (reading - fitted) / sqrt(1 + error^2 b) and the log-determinant is that of 1 + error^2 b: sampling
 needs no factorisation.
 """
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import jax
@@ -28,15 +30,13 @@ from scipy.special import expit, polygamma
 from glazejax import Pigment
 
 from .films import Instrument
-from .posterior_bands import reading_parts
+from .posterior_bands import join_bands, pose_bands, reading_parts
+from .posterior_laplace import find_modes
 from .posterior_problem import Problem, Quantity, fingerprint, root_of_log1p, uniform_residual
 from .posterior_reading import Reading
 from .response import FilmResponse, film_response
 
 MOST_PAINTS = 5
-
-# Error of a reading while slopes are not known yet.
-_FIRST_ERROR = 0.01
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class FilmPrior:
     concentration: float = 1.0
     error: float = 0.05
     error_spread: float = 1.0
-    error_length: float = 40.0
+    error_length: float = 60.0
 
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
@@ -136,28 +136,40 @@ def residuals(free: Float[Array, "dims"], data: FilmData, shared: FilmShared) ->
 
 
 @jax.jit
-def _slopes(free: Float[Array, "blocks dims"], data: FilmData, response: FilmResponse):
-    """Slopes of the readings by log k, log s and the ground, each (blocks, bands, grounds)."""
-    k, s = jax.vmap(mixture)(free, data)
+def _slopes(
+    log_k: Float[Array, "*n 1"], log_s: Float[Array, "*n 1"], ground: Float[Array, "*n g"], table: FilmResponse
+):
+    """Slopes of the readings by log k d, log s d and the ground, each (..., grounds)."""
 
-    def total(logs: tuple[Array, Array], ground: Array) -> Array:
-        return jnp.sum(response.body(jnp.exp(logs[0]), jnp.exp(logs[1]), ground))
+    def total(log_k: Array, log_s: Array, ground: Array) -> Array:
+        return jnp.sum(table.body(jnp.exp(log_k), jnp.exp(log_s), ground))
 
-    tiny = jnp.finfo(k.dtype).tiny
-    wide = jnp.broadcast_to(jnp.log(k + tiny)[..., None], data.ground.shape)
-    tall = jnp.broadcast_to(jnp.log(s + tiny)[..., None], data.ground.shape)
-    (by_k, by_s), by_ground = jax.grad(total, argnums=(0, 1))((wide, tall), data.ground)
+    both = (jnp.broadcast_to(a, ground.shape) for a in (log_k, log_s))
+    return jax.grad(total, argnums=(0, 1, 2))(*both, ground)
+
+
+def _own_slopes(films: Sequence[Reading], instrument: Instrument) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Slopes at the k d and s d that each band's readings are likeliest to come from, (films, bands, grounds)."""
+    # No film reflects less than its surface; a darker one has lost part of that.
+    seen = instrument.seen_surface
+    gloss = [min(1.0, float(film.reflectance.min()) / seen) if seen else 1.0 for film in films]
+    bands = join_bands([pose_bands(film, g, instrument) for film, g in zip(films, gloss, strict=True)])
+    free = find_modes(bands)[:, 0].reshape(len(films), -1, 2)
+    log_s = free[..., 1:]
+    ground = np.stack([film.ground for film in films])
+    by_k, by_s, by_ground = (np.asarray(a) for a in _slopes(free[..., :1] + log_s, log_s, ground, bands.shared))
     return by_k, by_s, by_ground
 
 
-def with_errors(
-    problem: Problem, free: Float[np.ndarray, "blocks dims"], films: Sequence[Reading], length: float
-) -> Problem:
-    """The same problem with errors as they are at some values of its unknowns."""
-    by_k, by_s, by_ground = (np.asarray(a) for a in _slopes(free, problem.data, problem.shared.response))
+def _errors(
+    films: Sequence[Reading], instrument: Instrument, length: float
+) -> tuple[Float[np.ndarray, "films rows rows"], Float[np.ndarray, "films rows"]]:
+    """The films' W and the roots of their b."""
+    by_k, by_s, by_ground = _own_slopes(films, instrument)
     variance = np.stack([f.sd**2 for f in films]) + (by_ground * np.stack([f.ground_sd for f in films])) ** 2
     grid = films[0].wavelengths
-    smooth = np.exp(-0.5 * ((grid[:, None] - grid) / length) ** 2)
+    away = np.sqrt(3.0) * np.abs(grid[:, None] - grid) / length
+    smooth = (1.0 + away) * np.exp(-away)
     scaled = [slope / np.sqrt(variance) for slope in (by_k, by_s)]
     rows = variance[0].size
     model = sum(np.einsum("fbg,bc,fch->fbgch", j, smooth, j) for j in scaled)
@@ -165,22 +177,20 @@ def with_errors(
     # Each axis's sign is free; fix it so that the same film always gives the same numbers.
     axes = axes * np.sign(np.take_along_axis(axes, np.abs(axes).argmax(axis=1)[:, None], axis=1))
     whiten = np.swapaxes(axes, 1, 2) / np.sqrt(variance.reshape(len(films), 1, rows))
-    data = problem.data._replace(whiten=jnp.asarray(whiten), spread=jnp.asarray(np.sqrt(np.maximum(spread, 0.0))))
-    return replace(problem, data=data)
+    return whiten, np.sqrt(np.maximum(spread, 0.0))
 
 
 def pose_films(
     films: Sequence[Reading], paints: Sequence[Sequence[Pigment]], instrument: Instrument, prior: FilmPrior
 ) -> Problem:
-    """Problem of one film or of several with as many paints each; its errors are not yet those of a fit.
+    """Problem of one film or of several with as many paints each.
 
     Raises:
         ValueError: no paint or too many, a paint listed twice, or paints that do not cover the film's wavelengths.
     """
     grid, count = films[0].wavelengths, len(paints[0])
     sets = [check_paints(film, chosen) for film, chosen in zip(films, paints, strict=True)]
-    rows = films[0].reflectance.size
-    first = np.stack([np.eye(rows) / np.sqrt(f.sd.ravel() ** 2 + _FIRST_ERROR**2) for f in films])
+    whiten, spread = _errors(films, instrument, prior.error_length)
 
     def gather(what: str) -> Array:
         values = [np.stack([np.asarray(getattr(p, what)) for p in chosen], axis=-1) for chosen in sets]
@@ -191,8 +201,8 @@ def pose_films(
         gather("scattering"),
         jnp.asarray(np.stack([f.reflectance for f in films])),
         jnp.asarray(np.stack([f.ground for f in films])),
-        jnp.asarray(first),
-        jnp.zeros((len(films), rows)),
+        jnp.asarray(whiten),
+        jnp.asarray(spread),
     )
     numbers = (instrument.seen_surface, prior.thickness_spread, prior.concentration, np.log(prior.error))
     shared = FilmShared(

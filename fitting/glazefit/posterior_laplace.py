@@ -106,20 +106,25 @@ def _curvature(residuals: Any, data: Any, shared: Any, modes: Float[Array, "bloc
     return jax.lax.map(block, (data, modes), batch_size=batch)
 
 
-def find_modes(problem: Problem, *, starts: int = 8, seed: int = 0) -> Float[np.ndarray, "blocks modes dims"]:
-    """Up to three modes of each block, best first; where there are fewer the best is repeated."""
-    rng = np.random.default_rng(seed)
-    tried = problem.prior_draws(rng, starts * _DRAWS_A_START)
+def find_modes(problem: Problem, *, starts: int = 8, seed: int = 0) -> Float[np.ndarray, "blocks starts dims"]:
+    """Where each start of each block ends, best first; a start is the likeliest of many draws of the prior."""
     blocks = len(problem.blocks)
-    values = problem.log_probability(np.repeat(tried[:, None], blocks, axis=1))
-    # The best of each group, so that the starts do not all lie in one valley.
-    best = values.reshape(starts, _DRAWS_A_START, blocks).argmax(axis=1) + _DRAWS_A_START * np.arange(starts)[:, None]
+    first = _starts(problem, starts, seed)
     batch = max(1, problem.chunk * blocks // starts)
-    found = np.array(_climb(problem.residuals, problem.data, problem.shared, tried[best.T], min(batch, blocks)))
+    found = np.array(_climb(problem.residuals, problem.data, problem.shared, first, min(batch, blocks)))
     height = problem.log_probability(np.swapaxes(found, 0, 1)).T
     order = np.argsort(-np.nan_to_num(height, nan=-np.inf), axis=1)
     found = np.take_along_axis(found, order[..., None], axis=1)
     return found
+
+
+def _starts(problem: Problem, starts: int, seed: int) -> Float[np.ndarray, "blocks starts dims"]:
+    """The likeliest of each group of draws, so that the starts do not all lie in one valley."""
+    blocks = len(problem.blocks)
+    tried = problem.prior_draws(np.random.default_rng(seed), starts * _DRAWS_A_START)
+    values = problem.log_probability(np.repeat(tried[:, None], blocks, axis=1))
+    best = values.reshape(starts, _DRAWS_A_START, blocks).argmax(axis=1)
+    return tried[(best + _DRAWS_A_START * np.arange(starts)[:, None]).T]
 
 
 def laplace(problem: Problem, *, starts: int = 8, seed: int = 0, draws: int = 1000) -> Laplace:
@@ -132,14 +137,7 @@ def laplace(problem: Problem, *, starts: int = 8, seed: int = 0, draws: int = 10
         draws: of that test.
     """
     found = find_modes(problem, starts=starts, seed=seed)
-    return gaussians(problem, found, seed=seed, draws=draws)
-
-
-def gaussians(
-    problem: Problem, found: Float[np.ndarray, "blocks starts dims"], *, seed: int = 0, draws: int = 1000
-) -> Laplace:
-    """Laplace's approximation from points that are modes already, best first."""
-    blocks, starts, _ = found.shape
+    blocks = len(problem.blocks)
     batch = min(blocks, max(1, problem.chunk * blocks // (starts * problem.dims)))
     hessians = np.asarray(_curvature(problem.residuals, problem.data, problem.shared, found, batch))
     covariances = _inverse(hessians, problem.prior_covariance)
