@@ -15,9 +15,11 @@ if TYPE_CHECKING:
     from .posterior_film import FilmPrior
     from .posterior_reading import Reading, over_ground
     from .readers import read_films
+    from .recipe import Recipe, find_recipes
     from .recover import recover_films
     from .result import Recovery
     from .simulate import simulate_films
+    from .targets import Target, colourchecker_targets, lab_target, spectral_target, srgb_target
 
 __all__ = [
     "Candidate",
@@ -30,16 +32,23 @@ __all__ = [
     "Posterior",
     "Prior",
     "Reading",
+    "Recipe",
     "Recovery",
+    "Target",
+    "colourchecker_targets",
+    "find_recipes",
     "ground_from_air",
     "identify",
     "identify_films",
+    "lab_target",
     "over_ground",
     "posterior_of_bands",
     "posterior_of_film",
     "read_films",
     "recover_films",
     "simulate_films",
+    "spectral_target",
+    "srgb_target",
 ]
 
 _HOMES = {
@@ -53,16 +62,23 @@ _HOMES = {
     "Posterior": "posterior",
     "Prior": "evidence",
     "Reading": "posterior_reading",
+    "Recipe": "recipe",
     "Recovery": "result",
+    "Target": "targets",
+    "colourchecker_targets": "targets",
+    "find_recipes": "recipe",
     "ground_from_air": "identification",
     "identify": "identification",
     "identify_films": "identification",
+    "lab_target": "targets",
     "over_ground": "posterior_reading",
     "posterior_of_bands": "posterior",
     "posterior_of_film": "posterior",
     "read_films": "readers",
     "recover_films": "recover",
     "simulate_films": "simulate",
+    "spectral_target": "targets",
+    "srgb_target": "targets",
 }
 
 

@@ -1,0 +1,172 @@
+"""What a recipe is to match: a colour under one or several illuminants, or a spectrum.
+
+colour-science's measured ColorChecker charts are at hand as targets: `colourchecker_targets`.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from glazejax import colour
+from glazejax.spectra import as_fraction, describe_grid, validate_wavelengths
+
+DEFAULT_CHART = "BabelColor Average"
+"""Mean of 30 charts of 24 patches, measured at 45:0, 380-730 nm, as colour-science ships it."""
+
+
+@dataclass(frozen=True)
+class Target:
+    """A colour or a spectrum to match. Make one with `lab_target`, `srgb_target` or `spectral_target`.
+
+    Attributes:
+        name: what to call it.
+        labs: L*a*b* by full name of the illuminant, if it is given as a colour; empty if as a spectrum.
+        wavelengths: (bands,), nm, or None.
+        reflectance: (bands,), fraction, or None.
+    """
+
+    name: str
+    labs: Mapping[str, Float[np.ndarray, "3"]] = field(default_factory=dict)
+    wavelengths: Float[np.ndarray, "bands"] | None = None
+    reflectance: Float[np.ndarray, "bands"] | None = None
+
+    @property
+    def spectral(self) -> bool:
+        """Whether a spectrum is known, and with it the colour under every illuminant."""
+        return self.reflectance is not None
+
+    def knows(self, illuminant: str) -> bool:
+        """Whether the colour under this illuminant (full name) is known."""
+        return self.spectral or illuminant in self.labs
+
+    def lab(self, illuminant: str, observer: str) -> Float[np.ndarray, "3"]:
+        """L*a*b* under an illuminant, (3,); a given colour is taken to be for the observer asked for.
+
+        Raises:
+            ValueError: the target is a colour under other illuminants.
+        """
+        full = colour.find_illuminant(illuminant)
+        if self.wavelengths is not None and self.reflectance is not None:
+            return np.asarray(colour.lab(self.wavelengths, self.reflectance, illuminant=full, observer=observer))
+        if full not in self.labs:
+            given = ", ".join(self.labs)
+            raise ValueError(
+                f"the colour of {self.name!r} is given under {given}, not under {full}: ask for {given}, give the "
+                f"colour under {full} too, or give a spectrum"
+            )
+        return self.labs[full]
+
+    def __repr__(self) -> str:
+        if self.wavelengths is not None:
+            return f"Target({self.name!r}, {describe_grid(self.wavelengths)})"
+        return f"Target({self.name!r}, Lab under {', '.join(self.labs)})"
+
+
+def lab_target(lab: Mapping[str, Sequence[float]] | Sequence[float] | Any, name: str | None = None) -> Target:
+    """A colour to match.
+
+    Args:
+        lab: (3,), CIE 1976 L*a*b* under D65, or a mapping from illuminants to such colours.
+        name: what to call it; made of the numbers if left out.
+
+    Raises:
+        ValueError: not three finite numbers, L* outside [0, 100], or an unknown illuminant.
+    """
+    given = lab if isinstance(lab, Mapping) else {"D65": lab}
+    if not given:
+        raise ValueError("a target needs a colour under at least one illuminant, such as {'D65': (50, 20, 30)}")
+    labs = {colour.find_illuminant(illuminant): _checked(values) for illuminant, values in given.items()}
+    first = next(iter(labs.values()))
+    title = name or f"Lab {', '.join(f'{value:g}' for value in first)}"
+    return Target(title, MappingProxyType(labs))
+
+
+def _checked(values: Any) -> Float[np.ndarray, "3"]:
+    try:
+        lab = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        lab = np.empty(0)
+    if lab.shape != (3,) or not np.all(np.isfinite(lab)):
+        raise ValueError(f"a colour is three numbers L*, a*, b*, such as 50,20,30, not {values!r}")
+    if not 0 <= lab[0] <= 100:
+        raise ValueError(f"L* is {lab[0]:g}; it lies between 0 (black) and 100 (white)")
+    if np.abs(lab[1:]).max() > 200:
+        raise ValueError(f"a*, b* are {lab[1]:g}, {lab[2]:g}; no colour of a surface exceeds 150 or so")
+    return lab
+
+
+def srgb_target(code: str, name: str | None = None) -> Target:
+    """A colour of a screen, such as ``#8a4b2d``, as L*a*b* under D65.
+
+    Raises:
+        ValueError: not three or six hexadecimal digits.
+    """
+    digits = code.strip().removeprefix("#")
+    if not re.fullmatch(r"[0-9a-fA-F]{3}|[0-9a-fA-F]{6}", digits):
+        raise ValueError(f"{code!r} is no sRGB colour: write six hexadecimal digits, such as '#8a4b2d'")
+    if len(digits) == 3:
+        digits = "".join(2 * digit for digit in digits)
+    encoded = np.array([int(digits[i : i + 2], 16) for i in (0, 2, 4)]) / 255.0
+    science = colour.colour_science()
+    space = science.RGB_COLOURSPACES["sRGB"]
+    to_xyz = science.normalised_primary_matrix(space.primaries, space.whitepoint)
+    xyz = to_xyz @ np.asarray(science.models.eotf_sRGB(encoded))
+    # Relative to the screen's own white, as `glazejax.colour.srgb` has it.
+    lab = np.asarray(colour.xyz_to_lab(xyz, to_xyz.sum(axis=1)))
+    return Target(name or f"#{digits.lower()}", MappingProxyType({colour.find_illuminant("D65"): lab}))
+
+
+def spectral_target(name: str, wavelengths: Any, reflectance: Any) -> Target:
+    """A spectrum to match, (bands,), as a fraction or in percent, on any wavelengths in nm.
+
+    Raises:
+        ValueError: an illegal grid, or values that are no reflectance.
+    """
+    grid = validate_wavelengths(wavelengths)
+    values, _ = as_fraction(reflectance, [name] if np.ndim(reflectance) == 2 else None)
+    if values.shape != grid.shape:
+        raise ValueError(f"{name!r} has {values.size} values for {grid.size} wavelengths; give one a wavelength")
+    return Target(name, MappingProxyType({}), grid, values)
+
+
+def colourchecker_targets(patches: Sequence[str] = (), chart: str = DEFAULT_CHART) -> list[Target]:
+    """Measured patches of a ColorChecker chart that colour-science ships.
+
+    Args:
+        patches: names, such as "blue sky"; the beginning will do if it fits one only. All 24 if left out.
+        chart: a name in ``colour.SDS_COLOURCHECKERS``.
+
+    Raises:
+        ValueError: an unknown chart or patch; the message lists what there is.
+    """
+    charts = colour.colour_science().SDS_COLOURCHECKERS
+    known = {str(key).lower(): str(key) for key in charts}
+    if chart.lower() not in known:
+        raise ValueError(f"unknown chart {chart!r}: there are {', '.join(dict.fromkeys(charts))}")
+    spectra = charts[known[chart.lower()]]
+    chosen = [_patch(patch, list(spectra)) for patch in patches] or list(spectra)
+    return [
+        spectral_target(_short(name), np.asarray(spectra[name].wavelengths), np.asarray(spectra[name].values))
+        for name in dict.fromkeys(chosen)
+    ]
+
+
+def _short(patch: str) -> str:
+    """Name of a patch without its density, such as ``black 2`` for ``black 2 (1.5 D)``."""
+    return re.sub(r"\s*\(.*\)$", "", patch)
+
+
+def _patch(asked: str, names: Sequence[str]) -> str:
+    key = re.sub(r"[\s_-]+", " ", asked.strip()).lower()
+    short = {_short(name).lower(): name for name in names}
+    if key in short:
+        return short[key]
+    found = [name for plain, name in short.items() if key and plain.startswith(key)]
+    if len(found) == 1:
+        return found[0]
+    raise ValueError(f"unknown patch {asked!r}: the chart has {', '.join(_short(name) for name in names)}")
