@@ -1,9 +1,10 @@
-"""Worst error of each tolerance's directions over random stacks, against a run with far more directions.
+"""Worst error of the directions of each tolerance over random stacks, against a run with far more directions.
 
-    python -m benchmarks.calibrate_directions [--stacks 2000]
+    python -m benchmarks.calibrate_directions [--stacks 1000] [--arrays] [--out FOLDER]
 
-Prints (1) the search for the crowding of graded nodes, (2) for every row of `glazejax.radiative.resolution` and a
-range of refractive indices the largest error of both reflectances as a fraction of the tolerance.
+For tolerances from 1e-2 to 1e-10 and a range of refractive indices: how many directions `resolve_known` takes, and the
+largest error of both reflectances as a fraction of the tolerance. `--arrays` adds the directions that an index gets
+which is an array or traced, good for a span of indices; that takes longer.
 """
 
 import argparse
@@ -12,14 +13,16 @@ import functools
 import jax
 import jax.numpy as jnp
 import numpy as np
-from scipy.special import expn
 
+from benchmarks.results import Results, add_option
+from benchmarks.timing import environment
 from glazejax.radiative import ordinates
-from glazejax.radiative.directions import Resolution, conserve, graded_gauss
-from glazejax.radiative.resolution import _ROWS, resolve
+from glazejax.radiative.directions import Directions, Resolution, half_range
+from glazejax.radiative.resolution import resolve, resolve_known
 from glazejax.radiative.stack import INDEX_RANGE
 
-INDICES = (1.0, 1.000001, 1.0001, 1.005, 1.05, 1.1, 1.2, 1.33, 1.5, 1.7, 2.0, 2.5)
+TOLERANCES = tuple(10.0**-k for k in range(2, 11))
+INDICES = (1.0, 1.000001, 1.0001, 1.02, 1.1, 1.33, 1.5, 1.7, 1.85, 2.5)
 FINEST = Resolution(36, 30, crowded=True)
 CHUNK = 50
 
@@ -40,61 +43,70 @@ def random_stacks(count: int, seed: int = 0, layers: int = 5) -> ordinates.Stack
 
 
 @functools.partial(jax.jit, static_argnums=(2, 3))
-def both(stacks: ordinates.Stack, index, resolution: Resolution, fixed: float | None = None):
+def both(
+    stacks: ordinates.Stack,
+    index,
+    resolution: Resolution | None,
+    fixed: float | None = None,
+    directions: Directions | None = None,
+):
     """Reflectance factor and hemispherical reflectance, (2, stacks).
 
-    One program serves all indices; only an index of exactly one, with no total reflection, needs its own.
+    One program serves all indices, and with given directions all of as many; only an index of exactly one, with no
+    total reflection, needs its own.
     """
 
     def chunk(piece):
         array = jnp.broadcast_to(index, piece.ground.shape)
         piece = piece._replace(refractive_index=array if fixed is None else fixed)
         flux = piece._replace(cos_viewing=None)
-        return ordinates.reflectance(piece, resolution), ordinates.reflectance(flux, resolution)
+        chosen = directions if directions is not None else resolution
+        assert chosen is not None
+        return ordinates.reflectance(piece, chosen), ordinates.reflectance(flux, chosen)
 
     pieces = jax.tree.map(lambda a: a.reshape(-1, CHUNK, *a.shape[1:]), stacks)
     return jnp.stack([a.reshape(-1) for a in jax.lax.map(chunk, pieces)])
 
 
-def crowding_search() -> None:
-    depth = np.r_[0, np.geomspace(1e-5, 40, 600)]
-    exact = expn(3, depth)
+def known(stacks: ordinates.Stack, index: float, tolerance: float) -> tuple[jax.Array, int]:
+    """Both reflectances with the directions of a known index, and their number."""
+    directions = half_range(index, resolve_known(tolerance, index))
+    traced = Directions(*(jnp.asarray(a) for a in directions))
+    return both(stacks, index, None, None, traced), directions.cosines.size
 
-    def error(count, c):
-        x, w = graded_gauss(count, c)
-        return np.abs(np.exp(-depth[:, None] / x) @ (conserve(x, w) * x) - exact).max()
 
-    print("graded nodes: best crowding c, largest error of E3(D), and the same for x = y^2")
-    for count in range(2, 25):
-        candidates = np.round(np.arange(0, 6, 0.1), 1)
-        errors = [error(count, c) for c in candidates]
-        best = int(np.argmin(errors))
-        print(f"  {count:3d}  c = {candidates[best]:.1f}  {errors[best]:.1e}  {errors[0]:.1e}")
+def spanned(stacks: ordinates.Stack, index: float, tolerance: float) -> tuple[jax.Array, int]:
+    """Both reflectances with the directions of a traced index, and their number."""
+    resolution = resolve(tolerance, *INDEX_RANGE)
+    return both(stacks, index, resolution), resolution.cone + resolution.total
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--stacks", type=int, default=1000, help="a multiple of 50")
-    count = parser.parse_args().stacks
+    parser.add_argument("--arrays", action="store_true", help="also directions for a traced index")
+    add_option(parser)
+    options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
-    crowding_search()
-    stacks = random_stacks(count)
-    reference = {n: both(stacks, n, FINEST) for n in INDICES}
+    say = Results("calibrate_directions", options.out)
+    say(environment())
+    stacks = random_stacks(options.stacks)
+    reference = {n: both(stacks, n, FINEST) for n in INDICES[1:]}
     # At an index of exactly one the finest run, too, must have no totally reflected part.
     reference[1.0] = both(stacks, 1.0, FINEST._replace(total=0), 1.0)
-    for known in (True, False):
-        print(f"\nworst error / tolerance over {count} stacks (reflectance factor, hemispherical),")
-        print(f"refractive index {'known' if known else 'traced: directions for all of 1 to 2.5'}")
-        print("tolerance  " + "".join(f"{n:>16}" for n in INDICES))
-        for row in _ROWS:
+    kinds = [("a known index", known)] + [("a traced index, for all of 1 to 2.5", spanned)] * options.arrays
+    for words, solve in kinds:
+        say(f"\ndirections of {words}: number, worst error / tolerance over {options.stacks} stacks of the")
+        say("reflectance factor and of the hemispherical reflectance")
+        say("tolerance  " + "".join(f"{n:>16}" for n in INDICES))
+        for tolerance in TOLERANCES:
             cells = []
             for n in INDICES:
-                span = (n, n) if known else INDEX_RANGE
-                fixed = n if known and n == 1.0 else None
-                found = both(stacks, n, resolve(row.tolerance, *span), fixed)
-                error = jnp.max(jnp.abs(found - reference[n]), axis=1) / row.tolerance
-                cells.append(f"{error[0]:8.2f}{error[1]:8.2f}")
-            print(f"{row.tolerance:<11.0e}" + "".join(cells), flush=True)
+                found, count = solve(stacks, n, tolerance)
+                error = jnp.max(jnp.abs(found - reference[n]), axis=1) / tolerance
+                cells.append(f"{count:4d}{error[0]:6.2f}{error[1]:6.2f}")
+            say(f"{tolerance:<11.0e}" + "".join(cells))
+    say.save()
 
 
 if __name__ == "__main__":

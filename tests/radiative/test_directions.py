@@ -55,7 +55,7 @@ def test_chosen_directions_meet_their_share_of_the_tolerance(index, tolerance):
     for depth in (0.0, 0.02, 0.5, 3.0):
         terms = chosen.weights * chosen.cosines * np.exp(-depth / chosen.cosines)
         exact = sums_by_quadrature(index, depth)
-        assert (terms.sum(), terms @ chosen.reflectance) == pytest.approx(exact, abs=0.25 * tolerance + 1e-12)
+        assert (terms.sum(), terms @ chosen.reflectance) == pytest.approx(exact, abs=0.17 * tolerance + 1e-12)
 
 
 def test_fewer_directions_than_a_rule_split_at_the_critical_angle():

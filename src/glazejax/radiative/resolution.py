@@ -6,12 +6,22 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from glazejax.radiative.directions import Resolution, conserve
+from glazejax.radiative.directions import Directions, Resolution, conserve
 from glazejax.radiative.simultaneous import Rule, fine_half_range, simultaneous_rule
+
+# Below this index the internal reflectance rises within a sliver of directions above the critical angle.
+_NEAR_ONE = 1.07
+# No real medium; but asked for, it gets the directions that its almost singular interface needs.
+_SLIVER = 1.0001
+# Above this index the cone is narrow and what it lets out is bright.
+_HIGH = 1.85
 
 # The largest error of the sums over directions may be this share of the tolerance: the worst error of a stack's
 # reflectance stays below the tolerance then (`python -m benchmarks.calibrate_directions`).
-_SHARE = 0.25
+_SHARE = 0.17
+# Beams may graze inside, too, where the index is near one; where it is high, the light inside is many times brighter.
+_SHARE_NEAR_ONE = 0.08
+_SHARE_HIGH = 0.1
 _FINEST = 1e-10
 _MOST_NODES = 40
 # Optical depths at which the sums are compared; beyond the last one there is nothing left.
@@ -37,9 +47,10 @@ def resolve_known(tolerance: float, refractive_index: float) -> Resolution:
 @functools.lru_cache(maxsize=256)
 def _fewest(tolerance: float, index: float) -> Resolution:
     # Some digits come with every two nodes; the search starts below where it can end.
-    wanted = _SHARE * tolerance
+    share = _SHARE_NEAR_ONE if index < _NEAR_ONE else _SHARE_HIGH if index > _HIGH else _SHARE
+    wanted = share * tolerance
     exact = flux_sums(fine_half_range(index, 6.0))
-    for count in range(max(2, int(-1.3 * np.log10(wanted)) - 1), _MOST_NODES + 1):
+    for count in range(max(2, int(-1.2 * np.log10(wanted)) - 1), _MOST_NODES + 1):
         usual = max(1.95 * np.sqrt(count) - 2.0, 0.6)
         cones = [cone for cone in _CONE if cone < count] if index > 1 else [0]
         tried = [
@@ -59,14 +70,14 @@ def _rule(index: float, whole: int, cone: int, crowding: float) -> Rule | None:
     return None if found is None else found._replace(weights=conserve(found.cosines, found.weights))
 
 
-def flux_sums(rule: Rule) -> Float[np.ndarray, "2 depths"]:
+def flux_sums(rule: Rule | Directions) -> Float[np.ndarray, "2 depths"]:
     """Sums of mu e^(-t/mu) and of R mu e^(-t/mu) over a rule, at a range of depths t."""
-    mu, weights, reflectance = rule
+    mu, weights, reflectance = (np.asarray(a) for a in rule)
     terms = weights * mu * np.exp(-_DEPTHS[:, None] / mu)
     return np.stack([terms.sum(axis=1), terms @ reflectance])
 
 
-def flux_error(rule: Rule, exact: Float[np.ndarray, "2 depths"]) -> float:
+def flux_error(rule: Rule | Directions, exact: Float[np.ndarray, "2 depths"]) -> float:
     """Largest error of either sum and of their difference.
 
     All that the directions do to the reflectance goes through the kernels of paper A's integral equation; integrated
@@ -74,14 +85,6 @@ def flux_error(rule: Rule, exact: Float[np.ndarray, "2 depths"]) -> float:
     """
     everything, reflected = flux_sums(rule) - exact
     return float(max(np.max(np.abs(a)) for a in (everything, reflected, everything - reflected)))
-
-
-# Below this index the internal reflectance rises within a sliver of directions above the critical angle.
-_NEAR_ONE = 1.07
-# No real medium; but asked for, it gets the directions that its almost singular interface needs.
-_SLIVER = 1.0001
-# Above this index the cone is narrow and what it lets out is bright: one node more.
-_HIGH = 1.85
 
 
 class _Row(NamedTuple):
