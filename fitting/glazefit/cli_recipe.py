@@ -251,12 +251,12 @@ def _write(
     shown = found[0] if one else [recipes[0] for recipes in found]
     titles = [f"recipe {i}" for i in range(1, len(shown) + 1)] if one else [r.target.name for r in shown]
     heading = f"Recipes for {found[0][0].target.name}" if one else "Recipes: target left, recipe right"
-    curves = "grey the target, black the recipe" if shown[0].target.spectral else "what the recipe reflects"
+    curves = "curves: grey the target, black the recipe; " if shown[0].target.spectral else ""
     figure = recipe_figure(
         shown,
         titles=titles,
         heading=heading,
-        subtitle=f"{'target left, recipe right; ' if one else ''}{curves}; coats top first; {_seen(task)}",
+        subtitle=f"{'target left, recipe right; ' if one else ''}{curves}coats top first; {_seen(task)}",
     )
     figure.savefig(out, dpi=100)
 

@@ -40,7 +40,7 @@ def recipe_figure(recipes: Sequence[Recipe], *, titles: Sequence[str], heading: 
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
-    columns = min(len(recipes), 6 if len(recipes) > 8 else 4 if len(recipes) > 6 else 3)
+    columns = min(len(recipes), 6 if len(recipes) > 10 else 5)
     rows = -(-len(recipes) // columns)
     cell = _TITLE + _SWATCH + _CURVES + _TEXT
     width = max(_LEFT + columns * _WIDTH + 0.1, 9.5)
@@ -48,7 +48,9 @@ def recipe_figure(recipes: Sequence[Recipe], *, titles: Sequence[str], heading: 
     with rc_context(_STYLE):
         figure = Figure(figsize=(width, height), facecolor="white")
         figure.text(0.25 / width, 1 - 0.34 / height, heading, fontsize=20, fontweight="bold", va="center")
-        figure.text(0.25 / width, 1 - 0.68 / height, subtitle, fontsize=12, color=_FAINT, va="center")
+        # A letter is about half as wide as it is high.
+        size = min(12.0, 72.0 * (width - 0.5) / (0.53 * len(subtitle)))
+        figure.text(0.25 / width, 1 - 0.68 / height, subtitle, fontsize=size, color=_FAINT, va="center")
         for number, (recipe, title) in enumerate(zip(recipes, titles, strict=True)):
             row, column = divmod(number, columns)
             left, top = _LEFT + column * _WIDTH, height - _TOP - row * cell

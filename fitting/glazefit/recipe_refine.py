@@ -33,7 +33,7 @@ from .recipe_screen import Aims, Stacks
 _PULL = 0.01
 _STEPS, _PASSES = 12, 3
 # Stacks refined at a time, always as many, so that one program serves all.
-_CHUNK = 256
+_CHUNK = 128
 _LM = optx.LevenbergMarquardt(rtol=1e-3, atol=1e-3, linear_solver=GramSchmidt())
 
 

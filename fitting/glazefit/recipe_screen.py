@@ -99,6 +99,13 @@ def squared_distance(bench: Bench, aims: Aims, reading: Float[Array, "*batch ban
     return colour + aims.spectral * jnp.maximum(spectral, 0.0)
 
 
+class _Optical(NamedTuple):
+    """Optical thicknesses of coats."""
+
+    absorption: Float[Array, "sets points bands"]
+    scattering: Float[Array, "sets points bands"]
+
+
 def screen(bench: Bench, aims: Aims, *, max_paints: int, max_layers: int, keep: Keep, seed: int) -> Stacks:
     """The best sets of paints for each target, each at its best point of the grid.
 
@@ -112,13 +119,13 @@ def screen(bench: Bench, aims: Aims, *, max_paints: int, max_layers: int, keep: 
     coats = {n: _coats(bench, n, seed) for n in range(1, count + 1)}
     found = []
     for some in coats.values():
-        cost, best = _one_coat(bench, aims, some)
+        cost, best = map(np.array, _one_coat(bench, aims, _optical(bench, some)))
         found.append(_one_coat_stacks(bench, some, cost, best, keep, max_layers))
     for n, m in itertools.product(coats, coats) if max_layers >= 2 else ():
         # The wide grid of three paints in a coat is for single coats.
         if n + m <= MOST_SCREENED:
             top, bottom = coats[n], coats[m]
-            cost, best = _two_coats(bench, aims, top, bottom)
+            cost, best = map(np.array, _two_coats(bench, aims, _optical(bench, top), _optical(bench, bottom)))
             cost[~_sensible(top.paints, bottom.paints, max_paints)] = np.inf
             found.append(_two_coat_stacks(bench, (top, bottom), cost, best, keep, max_layers))
     return Stacks.join(found).best(keep)
@@ -150,53 +157,40 @@ def _coats(bench: Bench, n: int, seed: int) -> _Coats:
     return _Coats(paints, amounts.reshape(len(paints), -1, n))
 
 
-def _optical(
-    bench: Bench, coats: _Coats
-) -> tuple[Float[Array, "sets points bands"], Float[Array, "sets points bands"]]:
+def _optical(bench: Bench, coats: _Coats) -> _Optical:
+    """k d and s d of every coat."""
     amounts = jnp.asarray(coats.amounts)
-    return amounts @ bench.absorption[coats.paints], amounts @ bench.scattering[coats.paints]
+    return _Optical(amounts @ bench.absorption[coats.paints], amounts @ bench.scattering[coats.paints])
 
 
+@jax.jit
 def _one_coat(
-    bench: Bench, aims: Aims, coats: _Coats
-) -> tuple[Float[np.ndarray, "sets targets"], Int[np.ndarray, "sets targets"]]:
+    bench: Bench, aims: Aims, coats: _Optical
+) -> tuple[Float[Array, "sets targets"], Int[Array, "sets targets"]]:
     """Least cost of each set, and the point where it is."""
-    kd, sd = _optical(bench, coats)
 
-    @jax.jit
-    def best(bench: Bench, aims: Aims, kd: Array, sd: Array) -> tuple[Array, Array]:
-        def of_one(coat: tuple[Array, Array]) -> tuple[Array, Array]:
-            reading = bench.film.body(*coat, bench.ground) + bench.surface
-            cost = squared_distance(bench, aims, reading)
-            return cost.min(axis=0), cost.argmin(axis=0)
+    def of_one(coat: _Optical) -> tuple[Array, Array]:
+        cost = squared_distance(bench, aims, bench.film.body(*coat, bench.ground) + bench.surface)
+        return cost.min(axis=0), cost.argmin(axis=0)
 
-        return jax.lax.map(of_one, (kd, sd), batch_size=8)
-
-    cost, where = best(bench, aims, kd, sd)
-    return np.array(cost), np.array(where)
+    return jax.lax.map(of_one, coats, batch_size=8)
 
 
+@jax.jit
 def _two_coats(
-    bench: Bench, aims: Aims, top: _Coats, bottom: _Coats
-) -> tuple[Float[np.ndarray, "sets others targets"], Int[np.ndarray, "sets others targets"]]:
+    bench: Bench, aims: Aims, top: _Optical, bottom: _Optical
+) -> tuple[Float[Array, "sets others targets"], Int[Array, "sets others targets"]]:
     """Least cost of each set over each other set, and the point of both grids where it is."""
+    ground = jnp.swapaxes(internal(bench, bench.film.body(*bottom, bench.ground)), 0, 1)  # (points, others, bands)
 
-    @jax.jit
-    def best(bench: Bench, aims: Aims, upper: tuple[Array, Array], lower: tuple[Array, Array]) -> tuple[Array, Array]:
-        ground = internal(bench, bench.film.body(*lower, bench.ground))  # (others, points, bands)
-        ground = jnp.swapaxes(ground, 0, 1)
+    def of_one(coat: _Optical) -> tuple[Array, Array]:
+        black, gain, back = (values[:, None, None, :] for values in bench.film.numbers(*coat))
+        reading = black + gain * ground / (1.0 - back * ground) + bench.surface
+        cost = squared_distance(bench, aims, reading)  # (points, points of the lower, others, targets)
+        cost = cost.reshape(-1, *cost.shape[2:])
+        return cost.min(axis=0), cost.argmin(axis=0)
 
-        def of_one(coat: tuple[Array, Array]) -> tuple[Array, Array]:
-            black, gain, back = (values[:, None, None, :] for values in bench.film.numbers(*coat))
-            reading = black + gain * ground / (1.0 - back * ground) + bench.surface
-            cost = squared_distance(bench, aims, reading)  # (points, points of the lower, others, targets)
-            cost = cost.reshape(-1, *cost.shape[2:])
-            return cost.min(axis=0), cost.argmin(axis=0)
-
-        return jax.lax.map(of_one, upper)
-
-    cost, where = best(bench, aims, _optical(bench, top), _optical(bench, bottom))
-    return np.array(cost), np.array(where)
+    return jax.lax.map(of_one, top)
 
 
 def _sensible(top: np.ndarray, bottom: np.ndarray, max_paints: int) -> np.ndarray:

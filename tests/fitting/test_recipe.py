@@ -1,0 +1,192 @@
+import numpy as np
+import pytest
+
+import glazejax as gj
+from glazefit import find_recipes, lab_target, spectral_target
+from glazejax import colour
+from glazejax.describe import make_media, parse_layers
+
+from .palette import GRID, palette
+
+SEEN = gj.Bidirectional(45, 0)
+WHITE, BLACK, RED, YELLOW, BLUE = palette()
+
+
+def delta_e(first, second) -> float:
+    return float(colour.delta_e_2000(first, second))
+
+
+@pytest.fixture(scope="module")
+def known() -> np.ndarray:
+    """What a coat of red and white over a coat of blue reflects."""
+    coats = [gj.Layer(gj.Mixture([RED, WHITE], [0.4, 0.6]), 4e-6), gj.Layer(BLUE, 9e-6)]
+    return np.asarray(gj.reflectance(gj.Glaze(coats, 0.9), SEEN))
+
+
+@pytest.fixture(scope="module")
+def found(known):
+    """Recipes for a spectrum that the paints make, black, white, a screen's green and a colour under two lights."""
+    targets = [
+        spectral_target("known", GRID, known),
+        lab_target((0, 0, 0), "black"),
+        lab_target((100, 0, 0), "white"),
+        lab_target((88, -86, 83), "green"),
+        spectral_target("grey", GRID, np.full(GRID.size, 0.2)),
+    ]
+    return find_recipes(targets, palette(), count=4)
+
+
+def test_a_colour_that_the_paints_make_is_found(found):
+    best = found[0][0]
+    assert best.in_gamut
+    assert best.distance < 0.5
+    assert best.rmse < 0.03
+    assert best.metamerism is not None
+
+
+def test_a_grey_is_found(found):
+    assert found[4][0].distance < 0.5
+
+
+def test_every_number_is_finite_and_what_is_out_of_reach_says_so(found):
+    for recipes in found:
+        for recipe in recipes:
+            numbers = [recipe.reflectance, recipe.distance, recipe.unrounded, recipe.sensitivity]
+            assert all(np.all(np.isfinite(value)) for value in numbers)
+            assert recipe.in_gamut == (recipe.limit == "")
+    green = found[3][0]
+    assert not green.in_gamut
+    assert green.gamut_distance == pytest.approx(min(r.distance for r in found[3]))
+    assert green.gamut_distance > 1
+
+
+def test_the_glaze_is_what_was_described(found):
+    for recipe in (recipe for recipes in found for recipe in recipes[:2]):
+        solved = np.asarray(gj.reflectance(recipe.glaze, SEEN))
+        np.testing.assert_allclose(recipe.reflectance, solved, atol=2e-5)
+        coats = parse_layers(recipe.layers)
+        media = make_media(coats, {p.name: p for p in palette()})
+        typed = gj.Glaze([gj.Layer(m, c.thickness) for m, c in zip(media, coats, strict=True)], 0.9)
+        np.testing.assert_allclose(gj.reflectance(typed, SEEN), solved, atol=1e-6)
+
+
+def test_colour_differences_are_those_of_colour_science(found, known):
+    best = found[0][0]
+    wanted = {light: np.asarray(colour.lab(GRID, known, illuminant=light)) for light in ("D65", "A")}
+    got = {light: np.asarray(colour.lab(GRID, best.reflectance, illuminant=light)) for light in ("D65", "A")}
+    assert best.delta_e["D65"] == pytest.approx(delta_e(got["D65"], wanted["D65"]), abs=1e-9)
+    assert best.metamerism == pytest.approx(delta_e(got["A"], wanted["A"]), abs=1e-9)
+    assert best.rmse == pytest.approx(float(np.sqrt(np.mean((best.reflectance - known) ** 2))), abs=1e-12)
+
+
+def test_numbers_are_round_and_within_the_limits(found):
+    for recipe in (recipe for recipes in found for recipe in recipes):
+        assert len(recipe.coats) <= 2
+        assert len(recipe.paints) <= 3
+        for coat in recipe.coats:
+            size, shares = coat.thickness * 1e6, np.array([share for share, _ in coat.parts])
+            assert 1.0 - 1e-9 <= size <= 50.0 + 1e-9
+            assert size * 10 == pytest.approx(round(size * 10), abs=1e-6)
+            np.testing.assert_allclose(shares * 1000, np.round(shares * 1000), atol=1e-6)
+            assert shares.sum() == pytest.approx(1.0)
+
+
+def test_recipes_differ(found):
+    for recipes in found:
+        kinds = [tuple(frozenset(name for _, name in coat.parts) for coat in r.coats) for r in recipes]
+        assert len(set(kinds)) == len(kinds)
+
+
+def test_sensitivity_is_what_a_tenth_more_or_less_does(found):
+    recipe = found[0][0]
+    own = np.asarray(colour.lab(GRID, gj.reflectance(recipe.glaze, SEEN)))
+    for i, sensitivity in enumerate(recipe.sensitivity):
+        moved = []
+        for factor in (1.1, 1 / 1.1):
+            layers = [
+                gj.Layer(la.medium, la.thickness * (factor if j == i else 1))
+                for j, la in enumerate(recipe.glaze.layers)
+            ]
+            moved.append(delta_e(colour.lab(GRID, gj.reflectance(gj.Glaze(layers, 0.9), SEEN)), own))
+        assert sensitivity == pytest.approx(np.mean(moved), abs=0.01)
+
+
+def test_one_target_gets_what_it_gets_in_a_batch(found, known):
+    alone = find_recipes(spectral_target("known", GRID, known), palette(), count=4)
+    assert alone[0].layers == found[0][0].layers
+
+
+def test_limits_are_kept():
+    recipes = find_recipes((50, 30, 30), palette(), max_paints=2, max_layers=1, thickness=(3e-6, 3e-6), count=3)
+    assert all(len(r.paints) <= 2 and len(r.coats) == 1 for r in recipes)
+    assert all(r.coats[0].thickness == pytest.approx(3e-6) for r in recipes)
+
+
+def test_thickness_that_limits_is_named():
+    """White paint over a black ground: thicker would be whiter."""
+    recipes = find_recipes((100, 0, 0), palette(), ground=0.0, thickness=(1e-6, 5e-6), count=1)
+    assert not recipes[0].in_gamut
+    assert "as thick as allowed" in recipes[0].limit
+    assert max(coat.thickness for coat in recipes[0].coats) == pytest.approx(5e-6, abs=1e-7)
+
+
+def test_weighing_the_spectrum_brings_it_nearer():
+    target = spectral_target("waves", GRID, 0.3 + 0.1 * np.sin(GRID / 20.0))
+    errors = [find_recipes(target, palette(), metamerism=weight, count=1)[0].rmse for weight in (0.0, 5.0)]
+    assert errors[1] < errors[0]
+
+
+@pytest.mark.slow
+def test_a_colour_under_two_lights():
+    mixed = gj.Glaze([gj.Layer(gj.Mixture([BLUE, YELLOW, WHITE], [0.1, 0.2, 0.7]), 20e-6)], 0.9)
+    spectrum = gj.reflectance(mixed, SEEN)
+    target = {light: np.asarray(colour.lab(GRID, spectrum, illuminant=light)) for light in ("D65", "A")}
+    best, *_ = find_recipes(target, palette(), max_layers=1)
+    assert set(best.delta_e) == {"D65", "A"}
+    assert best.distance < 0.5
+    assert best.rmse is None
+
+
+@pytest.mark.slow
+def test_more_paints_and_more_coats_come_nearer():
+    rng = np.random.default_rng(3)
+    targets = [lab_target(lab) for lab in rng.uniform((25, -45, -45), (80, 45, 45), (6, 3))]
+    nearest = []
+    for paints, layers in ((1, 1), (2, 1), (3, 2), (5, 3)):
+        recipes = find_recipes(targets, palette(), max_paints=paints, max_layers=layers)
+        assert all(len(r.paints) <= paints and len(r.coats) <= layers for some in recipes for r in some)
+        nearest.append([min(r.unrounded for r in some) for some in recipes])
+    steps = np.diff(nearest, axis=0)
+    assert np.all(steps < 0.3)
+    assert np.mean(nearest[-1]) < np.mean(nearest[0]) - 3
+
+
+@pytest.mark.parametrize(
+    ("target", "options", "match"),
+    [
+        ((50, 0), {}, "three numbers"),
+        ((150, 0, 0), {}, r"L\* is 150"),
+        ((50, 0, float("nan")), {}, "three numbers"),
+        ([], {}, "there is no target"),
+        ((50, 0, 0), {"max_paints": 0}, "max_paints is 0"),
+        ((50, 0, 0), {"max_layers": 9}, "max_layers is 9"),
+        ((50, 0, 0), {"thickness": (1, 50)}, "must ascend"),
+        ((50, 0, 0), {"thickness": (5e-6, 1e-6)}, "must ascend"),
+        ((50, 0, 0), {"ground": 90}, "must lie in"),
+        ((50, 0, 0), {"ground": [0.5, 0.5]}, "shape"),
+        ((50, 0, 0), {"illuminants": ("A",)}, "is given under D65, not under A"),
+        ((50, 0, 0), {"metamerism": -1}, "metamerism is -1"),
+        ((50, 0, 0), {"refractive_index": 3.0}, "refractive index 3"),
+        ((50, 0, 0), {"observer": "5"}, "unknown observer"),
+    ],
+)
+def test_bad_input_is_refused(target, options, match):
+    with pytest.raises(ValueError, match=match):
+        find_recipes(target, palette(), **options)
+
+
+def test_bad_palettes_are_refused():
+    with pytest.raises(ValueError, match="no pigments"):
+        find_recipes((50, 0, 0), [])
+    with pytest.raises(ValueError, match="two pigments are called 'Red'"):
+        find_recipes((50, 0, 0), [RED, RED])

@@ -1,0 +1,122 @@
+import numpy as np
+import pytest
+
+from glazefit.recipe_bench import Optics, empty_slots, fill_slots, make_bench, readings
+from glazefit.recipe_choose import packed, roundings
+from glazefit.recipe_refine import colour_metric
+from glazefit.targets import colourchecker_targets, lab_target, spectral_target, srgb_target
+from glazejax import Bidirectional, colour
+
+from .palette import GRID, palette
+
+SEEN = Bidirectional(45, 0)
+D65 = colour.find_illuminant("D65")
+
+
+@pytest.fixture(scope="module")
+def bench():
+    return make_bench(palette(), 0.9, SEEN, 1.5, [D65], colour.CIE_1931, (1e-6, 50e-6))
+
+
+def stacks(count: int, coats: int) -> np.ndarray:
+    rng = np.random.default_rng(1)
+    sizes = rng.uniform(0, 6, (count, 2, 5)) * (rng.uniform(size=(count, 2, 5)) < 0.4)
+    sizes[:, 0, 0] += 1.0
+    sizes[:, coats:] = 0.0
+    return sizes
+
+
+def test_the_table_is_exact_for_one_coat_and_near_for_two(bench):
+    optics = Optics.of(SEEN, 1.5)
+    one, two = stacks(20, 1), stacks(20, 2)
+    np.testing.assert_allclose(readings(bench, one, None), readings(bench, one, optics), atol=3e-5)
+    apart = np.abs(readings(bench, two, None) - readings(bench, two, optics))
+    assert apart.mean() < 0.005
+    assert apart.max() < 0.05
+
+
+def test_an_empty_coat_is_no_coat(bench):
+    one = stacks(5, 1)
+    for optics in (None, Optics.of(SEEN, 1.5)):
+        np.testing.assert_allclose(readings(bench, one[:, ::-1], optics), readings(bench, one, optics), atol=1e-6)
+    np.testing.assert_array_equal(packed(one[:, ::-1]), one)
+
+
+def test_slots_hold_a_stack(bench):
+    from jax import vmap
+
+    from glazefit.recipe_bench import amounts
+
+    sizes = stacks(20, 2)
+    sizes = sizes[(sizes > 0).sum(axis=(1, 2)) <= 6]
+    slots, logs = fill_slots(bench, sizes, 6)
+    back = np.asarray(vmap(lambda s, x: amounts(bench, s, x, 2))(slots, logs))
+    back = empty_slots(slots, back, 5)
+    # Within 2 % of its range a thickness is moved away from the bound.
+    whole = sizes.sum(axis=2, keepdims=True)
+    inside = (whole == 0) | ((whole > 1.2) & (whole < 45))
+    np.testing.assert_allclose(np.where(inside, back, 0), np.where(inside, sizes, 0), rtol=1e-6)
+    assert inside.mean() > 0.8
+
+
+def test_the_metric_is_the_colour_difference_of_small_steps():
+    rng = np.random.default_rng(0)
+    labs = rng.uniform((5, -80, -80), (95, 80, 80), (50, 3))
+    labs[0] = (50, 0, 0)
+    steps = rng.normal(size=(50, 3)) * 0.05
+    metric = colour_metric(labs)
+    length = np.linalg.norm(np.einsum("nij,nj->ni", metric, steps), axis=1)
+    expected = colour.delta_e_2000(labs - steps / 2, labs + steps / 2)
+    np.testing.assert_allclose(length, expected, rtol=0.02)
+
+
+def test_roundings_are_all_neighbours():
+    sizes = np.array([[1.234, 0.0, 2.0], [0.0, 5.55, 0.0]])
+    options = roundings(sizes, (1.0, 50.0))
+    assert len(options) == 2 * 2 * 2
+    for option in options:
+        assert np.abs(option.sum(axis=1) - sizes.sum(axis=1)).max() < 0.1
+        shares = option / option.sum(axis=1, keepdims=True)
+        np.testing.assert_allclose(shares * 1000, np.round(shares * 1000), atol=1e-6)
+
+
+def test_roundings_keep_to_the_bounds():
+    options = roundings(np.array([[1.02]]), (1.02, 1.08))
+    np.testing.assert_allclose(options, [[[1.02]]])
+    assert {round(float(o.sum()), 6) for o in roundings(np.array([[1.02]]), (1.0, 1.05))} == {1.0}
+
+
+def test_targets_of_a_screen():
+    white = srgb_target("#fff").lab(D65, colour.CIE_1931)
+    np.testing.assert_allclose(white, [100, 0, 0], atol=1e-6)
+    science = colour.colour_science()
+    expected = science.XYZ_to_Lab(science.sRGB_to_XYZ(np.array([0x8A, 0x4B, 0x2D]) / 255))
+    np.testing.assert_allclose(srgb_target("8a4b2d").lab(D65, colour.CIE_1931), expected, atol=0.02)
+
+
+def test_targets_of_a_chart():
+    chart = colourchecker_targets()
+    assert len(chart) == 24
+    red = colourchecker_targets(["Red"])[0]
+    assert red.name == "red"
+    lightness, a, b = red.lab(D65, colour.CIE_1931)
+    assert (35 < lightness < 50, a > 40, b > 15) == (True, True, True)
+    assert [t.name for t in colourchecker_targets(["blue_sky", "blue  sky"])] == ["blue sky"]
+
+
+@pytest.mark.parametrize(
+    ("make", "match"),
+    [
+        (lambda: srgb_target("#12345"), "hexadecimal"),
+        (lambda: colourchecker_targets(["mauve"]), "unknown patch 'mauve': the chart has dark skin"),
+        (lambda: colourchecker_targets(["blue s", "n"]), "unknown patch 'n'"),
+        (lambda: colourchecker_targets(chart="none"), "unknown chart"),
+        (lambda: lab_target({}), "at least one"),
+        (lambda: lab_target({"Z9": (50, 0, 0)}), "unknown illuminant"),
+        (lambda: spectral_target("x", [400, 500], [0.1]), "1 values for 2 wavelengths"),
+        (lambda: spectral_target("x", GRID, np.full(GRID.size, -0.1)), "negative"),
+    ],
+)
+def test_bad_targets_are_refused(make, match):
+    with pytest.raises(ValueError, match=match):
+        make()
