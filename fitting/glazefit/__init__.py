@@ -11,9 +11,13 @@ if TYPE_CHECKING:
     from .films import Films, Instrument, Noise
     from .identification import ground_from_air, identify, identify_films
     from .identify_result import Candidate, Identification
+    from .joint import recover_jointly
+    from .joint_result import JointRecovery
+    from .mixing import MixingLaw
     from .posterior import Posterior, posterior_of_bands, posterior_of_film
     from .posterior_film import FilmPrior
     from .posterior_reading import Reading, over_ground
+    from .prediction import predict_films
     from .readers import read_films
     from .recipe import Recipe, find_recipes
     from .recover import recover_films
@@ -28,6 +32,8 @@ __all__ = [
     "Films",
     "Identification",
     "Instrument",
+    "JointRecovery",
+    "MixingLaw",
     "Noise",
     "Posterior",
     "Prior",
@@ -44,8 +50,10 @@ __all__ = [
     "over_ground",
     "posterior_of_bands",
     "posterior_of_film",
+    "predict_films",
     "read_films",
     "recover_films",
+    "recover_jointly",
     "simulate_films",
     "spectral_target",
     "srgb_target",
@@ -76,6 +84,10 @@ _HOMES = {
     "posterior_of_film": "posterior",
     "read_films": "readers",
     "recover_films": "recover",
+    "recover_jointly": "joint",
+    "predict_films": "prediction",
+    "JointRecovery": "joint_result",
+    "MixingLaw": "mixing",
     "simulate_films": "simulate",
     "spectral_target": "targets",
     "srgb_target": "targets",

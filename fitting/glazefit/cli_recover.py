@@ -54,19 +54,28 @@ def recover(
         bool, typer.Option("--simulate", help="Measure nothing: recover films simulated from the catalogue's paints.")
     ] = False,
     seed: Annotated[int, typer.Option(help="Of the noise of --simulate.")] = 0,
+    joint: Annotated[
+        bool,
+        typer.Option("--joint", help="Fit all films together by their recipes: tints tell what opaque films hide."),
+    ] = False,
+    law: Annotated[
+        str, typer.Option(help="How paints mix, with --joint: mass (linear), or strength (one number a paint).")
+    ] = "mass",
     plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw one picture a paint.")] = True,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Write into a folder that is not empty.")] = False,
 ) -> None:
     """Recover absorption k and scattering s of paints from films over a black and a white card.
 
-    Every wavelength of every film is fitted on its own, in the geometry of an integrating sphere.
+    Every wavelength of every film is fitted on its own, in the geometry of an integrating sphere; with --joint all
+    films of known recipes are fitted together, each with a thickness of its own.
 
-    Writes
-    pigments.csv (k and s in 1/m with standard deviations), fits.csv (k/s and fitted spectra) and a picture a paint.
+    Writes pigments.csv (k and s in 1/m with standard deviations), a picture a paint, and fits.csv (k/s and fitted
+    spectra) or, with --joint, films.csv (thickness, gloss and fit of every film).
 
     Try it without data: glazejax recover --simulate --out demo
     """
     _check(file, out, thickness, simulate)
+    _check_joint(joint, law, simulate, masstones)
     assert out is not None
     _check_folder(out, overwrite)
 
@@ -81,6 +90,10 @@ def recover(
     console = Console()
     instrument = Instrument(Hemispherical(incidence, specular), refractive_index)
     errors = Noise(noise, noise_share)
+    if joint:
+        assert file is not None
+        _recover_jointly(file, samples, names, instrument, errors, law, thickness, out, plots, overwrite, console)
+        return
     if simulate:
         films = _simulated(samples, thickness, instrument, errors, seed, console)
     else:
@@ -107,6 +120,66 @@ def _check(file: Path | None, out: Path | None, thickness: float, simulate: bool
         raise ValueError("say where the results go: --out FOLDER")
     if not 0 < thickness <= 10_000:
         raise ValueError(f"--thickness is {thickness:g}; it must be above 0 and at most 10000 micrometres, such as 25")
+
+
+def _check_joint(joint: bool, law: str, simulate: bool, masstones: bool) -> None:
+    for option, given in (("--simulate", simulate), ("--masstones", masstones)):
+        if joint and given:
+            raise ValueError(f"--joint fits measured mixtures; leave out {option}, or leave out --joint")
+    if law not in ("mass", "strength"):
+        raise ValueError(f"--law is {law!r}; it must be mass or strength")
+    if law != "mass" and not joint:
+        raise ValueError("--law says how paints mix in a joint fit; add --joint")
+
+
+def _recover_jointly(
+    file: Path,
+    samples: str,
+    names: Path | None,
+    instrument: "Instrument",
+    noise: "Noise",
+    law: str,
+    thickness: float,
+    out: Path,
+    plots: bool,
+    overwrite: bool,
+    console: "Console",
+) -> None:
+    from rich.console import Console
+    from rich.progress import track
+
+    from .joint import recover_jointly
+    from .joint_report import print_joint, write_joint_films, write_joint_pigments, write_joint_plots
+    from .mixing import MixingLaw
+    from .readers import NAMES_FILE, read_films, read_names
+
+    films = read_films(file)
+    if wanted := _listed(samples):
+        films = films.select(wanted)
+    beside = names or file.parent / NAMES_FILE
+    if not beside.is_file():
+        raise ValueError(f"--joint needs to know what the films are made of: add --names FILE, or {beside}")
+    for note in films.notes:
+        console.print(f"[dim]{file}: {note}[/dim]")
+    with console.status("compiling, then fitting all films together"):
+        began = time.perf_counter()
+        recovery = recover_jointly(films, read_names(beside), instrument=instrument, noise=noise, law=MixingLaw(law))
+        seconds = time.perf_counter() - began
+    metres = thickness * 1e-6
+    out.mkdir(parents=True, exist_ok=True)
+    write_joint_pigments(recovery, metres, out / "pigments.csv", overwrite=overwrite)
+    write_joint_films(recovery, out / "films.csv", overwrite=overwrite)
+    print_joint(recovery, console, seconds)
+    console.print(
+        f"[bold]Thickness: a typical film is taken as {thickness:g} µm, not measured.[/bold] Thicknesses in films.csv "
+        "are in units of that."
+    )
+    if plots:
+        steps = iter(track(range(len(recovery.paints)), "drawing", console=Console(stderr=True), transient=True))
+        next(steps, None)
+        write_joint_plots(recovery, metres, out, lambda: next(steps, None))
+    pictures = f", films.csv and {len(recovery.paints)} pictures" if plots else " and films.csv"
+    console.print(f"Wrote pigments.csv{pictures} to {out}")
 
 
 def _check_folder(out: Path, overwrite: bool) -> None:

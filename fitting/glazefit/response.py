@@ -10,6 +10,7 @@ derivatives and down to films that do not absorb or scatter at all. The inverse 
 over, so it asks the table; stacks of several coats are solved.
 """
 
+import abc
 import functools
 
 import equinox as eqx
@@ -32,7 +33,15 @@ _TOLERANCE = 1e-6
 _CHUNK = 3200
 
 
-class FilmResponse(eqx.Module):
+class Response(eqx.Module):
+    """Model of one film."""
+
+    @abc.abstractmethod
+    def body(self, absorption: ArrayLike, scattering: ArrayLike, ground: ArrayLike) -> Float[Array, "*batch"]:
+        """Reflectance without the outer surface's part, from k d, s d and the ground's internal reflectance."""
+
+
+class FilmResponse(Response):
     """Bicubic spline of (black, gain, back) over optical thicknesses k d and s d, for one geometry and index."""
 
     patches: Float[Array, "cells 4 4 3"]  # spline coefficients around each cell

@@ -1,8 +1,9 @@
 """Pigments that ship with the package: k and s fitted to measured paint films, each with its provenance.
 
-The numbers are in `pigments.csv` and what they rest on in `PROVENANCE.md`, beside this file. They were fitted to films
-of unknown thickness, taken as 25 micrometres: only k times thickness and s times thickness are known. Where a film was
-too opaque to tell k from s, `Pigment.identifiable` is False and only k/s can be trusted.
+The numbers are in `pigments.csv` and what they rest on in `PROVENANCE.md`, beside this file. They were fitted together
+to pure films, tints and shades of unknown thickness, a typical one taken as 25 micrometres: how much stronger one paint
+is than another is known, their common scale is not. Where k and s could not be told apart, `Pigment.identifiable` is
+False and only k/s can be trusted.
 """
 
 import csv
@@ -16,12 +17,13 @@ import numpy as np
 from ..media import Pigment
 
 ASSUMED_THICKNESS = 25e-6
-"""Thickness of the films in m, an assumption."""
+"""Thickness of a typical film in m, an assumption."""
 
 PROVENANCE = (
-    "Fitted to reflectance of one film over black and over white from revigo-spectra (CC0 1.0): Geldof, Proaño Gaibor, "
+    "Fitted jointly to 58 films over black and over white from revigo-spectra (CC0 1.0): Geldof, Proaño Gaibor, "
     "Kirchner, Ligterink, 'Reconstructing Van Gogh's palette...', Heritage Science 6:17 (2018), "
-    "doi 10.1186/s40494-018-0181-6. Thickness unknown, taken as 25 micrometres: k and s scale with its inverse. "
+    "doi 10.1186/s40494-018-0181-6. Thickness unknown, that of a typical film taken as 25 micrometres: k and s of all "
+    "paints scale with its inverse. Mixtures add k and s by mass. "
     "Integrating sphere d:8 with the specular part, refractive index 1.5."
 )
 

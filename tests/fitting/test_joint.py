@@ -1,0 +1,181 @@
+"""Joint recovery against films whose paints are known, and its linear solver against dense matrices."""
+
+import jax
+import jax.numpy as jnp
+import lineax as lx
+import numpy as np
+import pytest
+from jax.flatten_util import ravel_pytree
+
+from glazefit.films import Films, Instrument, Noise
+from glazefit.joint import pose, recover_jointly
+from glazefit.joint_problem import Expectations, Unknowns, curvature_matrix, heavy_tail, residuals
+from glazefit.joint_solver import JointSteps, covariance, factorise, normal_matrix
+from glazefit.mixing import MixingLaw, weight_table
+from glazefit.prediction import predict_films
+from glazefit.response import film_response
+from glazefit.simulate import simulate_films
+
+PAINTS = ("CobaltBlue", "ZincWhite", "BoneBlack")
+RECIPES = {
+    "blue": {"CobaltBlue": 100.0},
+    "white": {"ZincWhite": 100.0},
+    "tint": {"CobaltBlue": 10.0, "ZincWhite": 90.0},
+    "half": {"CobaltBlue": 50.0, "ZincWhite": 50.0},
+    "grey": {"ZincWhite": 95.0, "BoneBlack": 5.0},
+    "shade": {"CobaltBlue": 95.0, "BoneBlack": 5.0},
+}
+GRID = np.arange(400.0, 701.0, 30.0)
+
+
+def truth() -> tuple[np.ndarray, np.ndarray]:
+    """k and s of the three paints for unit thickness, (paints, bands): a blue, a white and a black."""
+    hue = np.exp(-(((GRID - 590) / 70) ** 2))
+    k = np.stack([0.02 + 4.0 * hue, 0.01 + 0.05 * np.exp(-(GRID - 400) / 40), np.full(GRID.size, 12.0)])
+    s = np.stack([np.full(GRID.size, 1.0), 12.0 - (GRID - 400) / 50, np.full(GRID.size, 0.3)])
+    return k, s
+
+
+def painted(thickness: np.ndarray, noise: Noise, seed: int = 1) -> Films:
+    k, s = truth()
+    _, weights = weight_table(tuple(RECIPES), RECIPES)
+    shares = weights / weights.sum(axis=1, keepdims=True)
+    order = [weight_table(tuple(RECIPES), RECIPES)[0].index(paint) for paint in PAINTS]
+    amounts = thickness[:, None] * shares[:, order]
+    return simulate_films(tuple(RECIPES), GRID, amounts @ k, amounts @ s, noise=noise, seed=seed)
+
+
+@pytest.fixture(scope="module")
+def small():
+    """A problem of three paints, six films and seven bands, at a point that is not its solution."""
+    films = painted(np.array([1.0, 0.8, 1.2, 1.0, 0.9, 1.1]), Noise())
+    paints, weights = weight_table(films.names, RECIPES)
+    law = MixingLaw("strength")
+    problem = pose(films, law.shares(weights, paints), law, Instrument(), Noise(), Expectations())
+    rng = np.random.default_rng(3)
+    point = Unknowns(
+        jnp.asarray(rng.normal(-0.5, 0.7, (GRID.size, 6))),
+        jnp.asarray(rng.normal(0, 0.1, problem.film_scale.shape)),
+        jnp.asarray(rng.normal(0, 0.1, problem.paint_scale.shape)),
+    )
+    return problem, film_response(Instrument().geometry), point
+
+
+def linearised(small):
+    problem, response, point = small
+    _, tangent = jax.linearize(lambda y: residuals(y, (problem, response)), point)
+    return lx.FunctionLinearOperator(tangent, jax.eval_shape(lambda: point))
+
+
+def dense_jacobian(small):
+    problem, response, point = small
+    flat, unravel = ravel_pytree(point)
+    return jax.jacfwd(lambda y: ravel_pytree(residuals(unravel(y), (problem, response)))[0])(flat)
+
+
+def test_steps_equal_a_dense_solve(small):
+    problem, response, point = small
+    solver = JointSteps(problem.curvature.T @ problem.curvature, problem.stiffness)
+    right = residuals(point, (problem, response))
+    step = lx.linear_solve(linearised(small), right, solver).value
+    jacobian = dense_jacobian(small)
+    expected = np.linalg.lstsq(jacobian, ravel_pytree(right)[0], rcond=None)[0]
+    np.testing.assert_allclose(ravel_pytree(step)[0], expected, rtol=1e-6, atol=1e-8)
+
+
+def test_covariance_equals_the_dense_inverse(small):
+    problem, _, point = small
+    steps = JointSteps(problem.curvature.T @ problem.curvature, problem.stiffness)
+    local, shared = covariance(factorise(normal_matrix(linearised(small), steps.curvature, steps.stiffness)), GRID.size)
+    jacobian = np.asarray(dense_jacobian(small))
+    inverse = np.linalg.inv(jacobian.T @ jacobian)
+    count = point.bands.size
+    for band in range(GRID.size):
+        rows = slice(6 * band, 6 * band + 6)
+        np.testing.assert_allclose(local[band], inverse[rows, rows], rtol=1e-6, atol=1e-10)
+    np.testing.assert_allclose(shared, inverse[count:, count:], rtol=1e-6, atol=1e-10)
+
+
+def test_recovers_paints_within_their_errors():
+    thickness = np.array([1.0, 0.8, 1.2, 1.0, 0.9, 1.1])
+    films = painted(thickness, Noise())
+    tight = Expectations(model_floor=0.0, model_share=0.0, weight_share=0.003, weight_floor=0.0)
+    result = recover_jointly(films, RECIPES, expectations=tight)
+    assert result.converged
+    assert result.rmse.max() < 0.003
+    assert result.delta_e().max() < 0.3
+    order = [result.row(paint) for paint in PAINTS]
+    k, s = truth()
+    off = np.log(np.stack([result.absorption[order] / k, result.scattering[order] / s]))
+    # Thickness, and with it k and s, is known up to a common factor only.
+    known = result.log_sd[:, order] < 0.3
+    assert known.mean() > 0.8
+    assert np.abs(off / result.log_sd[:, order])[known].max() < 4.5
+    ratio = off[0] - off[1]
+    assert np.mean(np.abs(ratio) < 2 * result.log_ratio_sd[order]) > 0.85
+
+
+def test_a_film_left_out_is_predicted():
+    films = painted(np.array([1.0, 0.8, 1.2, 1.0, 0.9, 1.1]), Noise())
+    use = np.array([1.0, 1.0, 1.0, 0.0, 1.0, 1.0])
+    result = recover_jointly(films, RECIPES, use=use)
+    (found,) = predict_films(result, films.select(["half"]), RECIPES)
+    np.testing.assert_allclose(found.over_black, films.over_black[3], atol=0.01)
+    np.testing.assert_allclose(found.over_white, films.over_white[3], atol=0.01)
+
+
+def test_what_is_held_out_does_not_matter():
+    films = painted(np.ones(6), Noise())
+    use = np.array([1.0, 1.0, 1.0, 0.0, 1.0, 1.0])
+    from dataclasses import replace
+
+    spoilt = replace(films, over_white=np.where(use[:, None] > 0, films.over_white, 0.5))
+    first, second = (recover_jointly(f, RECIPES, use=use) for f in (films, spoilt))
+    np.testing.assert_allclose(first.absorption, second.absorption, rtol=1e-6)
+
+
+def test_curvature_is_the_same_integral_on_any_grid():
+    curve = lambda x: np.sin(x / 40)  # noqa: E731
+    sums = [
+        np.sum((curvature_matrix(grid) @ curve(grid)) ** 2)
+        for grid in (np.arange(400.0, 701, 10), np.arange(400.0, 701, 5), np.unique(np.r_[400:550:5, 550:701:10.0]))
+    ]
+    assert max(sums) / min(sums) < 1.06
+
+
+def test_heavy_tail_is_students_t():
+    from scipy.stats import t
+
+    x = np.array([-30.0, -1.0, 0.0, 1e-5, 0.5, 8.0])
+    np.testing.assert_allclose(heavy_tail(jnp.asarray(x), 3.0) ** 2, 2 * (t.logpdf(0, 3) - t.logpdf(x, 3)), atol=1e-9)
+    assert np.all(np.isfinite(jax.vmap(jax.grad(lambda v: heavy_tail(v, 3.0)))(jnp.asarray(x))))
+
+
+def test_laws():
+    weights = np.array([[90.0, 10.0]])
+    assert MixingLaw().shares(weights, ("a", "b")) == pytest.approx(np.array([[0.9, 0.1]]))
+    dense = MixingLaw("volume", densities={"a": 2.0, "b": 1.0})
+    assert dense.shares(weights, ("a", "b")) == pytest.approx(np.array([[45 / 55, 10 / 55]]))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"name": "weight"}, "unknown mixing law 'weight'"),
+        ({"name": "volume"}, "needs the densities"),
+        ({"name": "volume", "densities": {"a": -1.0}}, "density of 'a' is -1"),
+    ],
+)
+def test_bad_laws(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        MixingLaw(**arguments)
+
+
+def test_bad_recipes():
+    films = painted(np.ones(6), Noise())
+    with pytest.raises(ValueError, match="film 'blue' is made of"):
+        recover_jointly(films, {})
+    with pytest.raises(ValueError, match="no density was given for 'ZincWhite'"):
+        MixingLaw("volume", densities={"CobaltBlue": 3.0}).shares(np.ones((1, 2)), ("CobaltBlue", "ZincWhite"))
+    with pytest.raises(ValueError, match="must be 0 or more"):
+        recover_jointly(films, RECIPES | {"half": {"CobaltBlue": -1.0, "ZincWhite": 2.0}})
