@@ -1,7 +1,7 @@
 """The command `glazejax recipe`: a colour or a spectrum in, glazes out."""
 
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -27,9 +27,9 @@ def recipe(
     lab: Annotated[str | None, typer.Option(help="Colour L*,a*,b*, such as 50,20,30.", show_default=False)] = None,
     srgb: Annotated[str | None, typer.Option(help="Colour of a screen, such as '#8a4b2d'.", show_default=False)] = None,
     spectrum: Annotated[
-        Path | None, typer.Option(help="File of reflectance spectra; all of them, or see --sample.", show_default=False)
+        Path | None, typer.Option(help="File of reflectance spectra; see --samples.", show_default=False)
     ] = None,
-    sample: Annotated[str, typer.Option(help="Names of spectra in that file, with commas.", show_default=False)] = "",
+    samples: Annotated[str, typer.Option(help="Only these spectra of the file.", show_default=False)] = "",
     colourchecker: Annotated[
         bool, typer.Option("--colourchecker", help="The 24 measured patches of a ColorChecker chart.")
     ] = False,
@@ -41,10 +41,10 @@ def recipe(
     ] = "D65",
     test_illuminant: Annotated[str, typer.Option(help="Light for the test of metamerism.")] = "A",
     observer: Annotated[str, typer.Option(help="Standard observer: 2 or 10 (degrees).")] = "2",
-    paints: Annotated[int, typer.Option(help="Most paints in a recipe, 1 to 6.")] = 3,
-    layers: Annotated[int, typer.Option(help="Most coats, 1 to 4.")] = 2,
+    max_paints: Annotated[int, typer.Option(help="Most paints in a recipe, 1 to 6.")] = 3,
+    max_layers: Annotated[int, typer.Option(help="Most coats, 1 to 4.")] = 2,
     thickness: Annotated[str, typer.Option(help="Thinnest and thickest coat, micrometres.")] = "1-50",
-    palette: Annotated[
+    only: Annotated[
         str, typer.Option(help="Only these paints, such as ZincWhite,CobaltBlue.", show_default=False)
     ] = "",
     without: Annotated[str, typer.Option(help="All but these paints.", show_default=False)] = "",
@@ -67,6 +67,9 @@ def recipe(
     json: Annotated[
         Path | None, typer.Option(help="Also write all recipes, with spectra, to this file.", show_default=False)
     ] = None,
+    spectra: Annotated[
+        Path | None, typer.Option(help="Also write the targets' spectra: .csv, .cxf or .hdr.", show_default=False)
+    ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")] = False,
 ) -> None:
     """Recipes for a colour: which paints, in which order and how thick.
@@ -74,12 +77,13 @@ def recipe(
     All sets of up to three paints in one coat or two are tried; the best few that differ are printed with their colour
     difference, what 10 % of each coat's thickness changes, and how far a colour is out of reach.
 
-    Example: glazejax recipe --srgb '#8a4b2d' --layers 1
+    Example: glazejax recipe --srgb '#8a4b2d' --max-layers 1
 
     For many colours at once: glazejax recipe --colourchecker
     """
     started = time.perf_counter()
-    _check_outputs(out, csv, json, overwrite)
+    others = {"--csv": csv, "--json": json, "--spectra": spectra}
+    _check_outputs(out, others, overwrite)
     lights = _listed(illuminants)
     bounds = _bounds(thickness)
     # The colours of spectra are computed in double precision too.
@@ -88,23 +92,25 @@ def recipe(
     start_jax()
     from rich.console import Console
 
-    targets, notes = _targets(lab, srgb, spectrum, sample, colourchecker or bool(patch), patch, lights)
+    targets, notes = _targets(lab, srgb, spectrum, samples, colourchecker or bool(patch), patch, lights)
     from glazejax import Bidirectional, Hemispherical
 
     from .recipe_task import make_task
 
+    if spectra is not None and not all(target.spectral for target in targets):
+        raise ValueError("--spectra: the target is a colour and has no spectrum; leave it out")
     geometry: Geometry = Hemispherical(8) if sphere else Bidirectional(45, 0)
     task = make_task(
         targets,
-        _shelf(pigments, palette, without),
+        _shelf(pigments, only, without),
         ground=ground,
         geometry=geometry,
         refractive_index=refractive_index,
         illuminants=lights,
         test_illuminant=test_illuminant,
         observer=observer,
-        max_paints=paints,
-        max_layers=layers,
+        max_paints=max_paints,
+        max_layers=max_layers,
         thickness=bounds,
         count=count,
         metamerism=metamerism,
@@ -116,9 +122,9 @@ def recipe(
         console.print(f"[dim]{note}[/dim]")
     found, interrupted = _search(task)
     seconds = time.perf_counter() - started
-    _write(found, task, out, csv, json, overwrite)
+    _write(found, task, out, others, overwrite)
     _print(found, task, seconds, console)
-    files = ", ".join(str(path) for path in (out, csv, json) if path is not None)
+    files = ", ".join(str(path) for path in (out, *others.values()) if path is not None)
     console.print(f"wrote {files}", markup=False)
     if interrupted:
         console.print(
@@ -131,11 +137,12 @@ def _listed(text: str) -> list[str]:
     return [name.strip() for name in text.split(",") if name.strip()]
 
 
-def _check_outputs(out: Path, csv: Path | None, json: Path | None, overwrite: bool) -> None:
+def _check_outputs(out: Path, others: Mapping[str, Path | None], overwrite: bool) -> None:
     from glazejax.plots import check_picture
 
     check_picture(out, overwrite=overwrite)
-    for option, path in (("--csv", csv), ("--json", json)):
+    taken = {out.resolve(): "--out"}
+    for option, path in others.items():
         if path is None:
             continue
         if not path.parent.is_dir():
@@ -144,8 +151,9 @@ def _check_outputs(out: Path, csv: Path | None, json: Path | None, overwrite: bo
             raise IsADirectoryError(f"{option} {path} is a folder: name a file in it")
         if path.exists() and not overwrite:
             raise FileExistsError(f"{option} {path} exists; choose another name, or replace it with --overwrite")
-    if len({path.resolve() for path in (out, csv, json) if path}) < sum(path is not None for path in (out, csv, json)):
-        raise ValueError("two of --out, --csv and --json are the same file: give them different names")
+        if path.resolve() in taken:
+            raise ValueError(f"{taken[path.resolve()]} and {option} are the same file: give them different names")
+        taken[path.resolve()] = option
 
 
 def _bounds(text: str) -> tuple[float, float]:
@@ -161,7 +169,7 @@ def _targets(
     lab: str | None,
     srgb: str | None,
     spectrum: Path | None,
-    sample: str,
+    samples: str,
     chart: bool,
     patch: str,
     lights: Sequence[str],
@@ -173,8 +181,8 @@ def _targets(
         raise ValueError(
             "give one target: --lab 50,20,30, --srgb '#8a4b2d', --spectrum FILE, or --colourchecker (see --help)"
         )
-    if sample and spectrum is None:
-        raise ValueError("--sample names spectra of a file: add --spectrum FILE")
+    if samples and spectrum is None:
+        raise ValueError("--samples names spectra of a file: add --spectrum FILE")
     if lab is not None:
         try:
             values = [float(value) for value in lab.split(",")]
@@ -191,7 +199,7 @@ def _targets(
 
     assert spectrum is not None
     table = read_spectra(spectrum)
-    names = _listed(sample) or list(table.names)
+    names = _listed(samples) or list(table.names)
     for name in names:
         if name not in table.names:
             some = ", ".join(table.names[:6])
@@ -200,18 +208,18 @@ def _targets(
     return targets, [f"{spectrum}: {note}" for note in table.notes]
 
 
-def _shelf(path: Path | None, palette: str, without: str) -> "list[Pigment]":
+def _shelf(path: Path | None, only: str, without: str) -> "list[Pigment]":
     """The paints that may be used."""
     from glazejax import catalogue
     from glazejax.describe import find_name
     from glazejax.pigment_table import read_pigments
 
     shelf = catalogue.load() if path is None else read_pigments(path)
-    chosen = [find_name(name, shelf) for name in _listed(palette)] or list(shelf)
+    chosen = [find_name(name, shelf) for name in _listed(only)] or list(shelf)
     left_out = {find_name(name, shelf) for name in _listed(without)}
     kept = [shelf[name] for name in dict.fromkeys(chosen) if name not in left_out]
     if not kept:
-        raise ValueError("--palette and --without leave no paint: name fewer in --without")
+        raise ValueError("--only and --without leave no paint: name fewer in --without")
     return kept
 
 
@@ -238,15 +246,17 @@ def _search(task: "Task") -> "tuple[list[list[Recipe]], bool]":
 
 
 def _write(
-    found: "list[list[Recipe]]", task: "Task", out: Path, csv: Path | None, json: Path | None, overwrite: bool
+    found: "list[list[Recipe]]", task: "Task", out: Path, others: Mapping[str, Path | None], overwrite: bool
 ) -> None:
     from .recipe_plot import recipe_figure
-    from .recipe_report import write_csv, write_json
+    from .recipe_report import write_csv, write_json, write_targets
 
-    if csv is not None:
+    if csv := others["--csv"]:
         write_csv(found, csv, overwrite=overwrite)
-    if json is not None:
+    if json := others["--json"]:
         write_json(found, json)
+    if spectra := others["--spectra"]:
+        write_targets(task.targets, spectra, overwrite=overwrite)
     one = len(found) == 1
     shown = found[0] if one else [recipes[0] for recipes in found]
     titles = [f"recipe {i}" for i in range(1, len(shown) + 1)] if one else [r.target.name for r in shown]

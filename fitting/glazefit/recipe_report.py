@@ -4,16 +4,19 @@ import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
 
 from glazejax import colour
 from glazejax.describe import Coat
-from glazejax.io import write_table
+from glazejax.io import SpectraTable, write_spectra, write_table
 from glazejax.plots import hex_colour
+from glazejax.spectra import same_grid
 
 from .recipe import Recipe
+from .targets import Target
 
 CSV_COLUMNS = (
     "target",
@@ -65,8 +68,6 @@ def recipe_hex(recipe: Recipe) -> str:
 
 def _lab_hex(recipe: Recipe, lab) -> str:
     """L*a*b* shown as it is: relative to the illuminant's white, which a screen shows as its own."""
-    import numpy as np
-
     science = colour.colour_science()
     light = next(iter(recipe.delta_e))
     white = colour.white_point(recipe.wavelengths, light)
@@ -195,3 +196,17 @@ def _plain(recipe: Recipe) -> dict:
         "wavelengths_nm": recipe.wavelengths.tolist(),
         "reflectance": [round(float(value), 7) for value in recipe.reflectance],
     }
+
+
+def write_targets(targets: Sequence[Target], path: Path, *, overwrite: bool = False) -> None:
+    """Write the spectra of targets, as CSV, CxF3 or ENVI by the name's ending.
+
+    Raises:
+        ValueError: a target has no spectrum, or another grid than the first.
+    """
+    grids = [target.wavelengths for target in targets if target.wavelengths is not None]
+    spectra = [target.reflectance for target in targets if target.reflectance is not None]
+    if len(spectra) < len(targets) or any(not same_grid(grids[0], grid) for grid in grids):
+        raise ValueError("targets must be spectra on the same wavelengths to be written to one table")
+    table = SpectraTable(grids[0], tuple(target.name for target in targets), np.stack(spectra))
+    write_spectra(table, path, overwrite=overwrite)

@@ -116,6 +116,7 @@ def test_one_target_gets_what_it_gets_in_a_batch(found, known):
     assert alone[0].layers == found[0][0].layers
 
 
+@pytest.mark.slow
 def test_limits_are_kept():
     recipes = find_recipes((50, 30, 30), palette(), max_paints=2, max_layers=1, thickness=(3e-6, 3e-6), count=3)
     assert all(len(r.paints) <= 2 and len(r.coats) == 1 for r in recipes)
@@ -130,6 +131,7 @@ def test_thickness_that_limits_is_named():
     assert max(coat.thickness for coat in recipes[0].coats) == pytest.approx(5e-6, abs=1e-7)
 
 
+@pytest.mark.slow
 def test_weighing_the_spectrum_brings_it_nearer():
     target = spectral_target("waves", GRID, 0.3 + 0.1 * np.sin(GRID / 20.0))
     errors = [find_recipes(target, palette(), metamerism=weight, count=1)[0].rmse for weight in (0.0, 5.0)]

@@ -1,0 +1,138 @@
+import csv
+import json
+import sys
+
+import matplotlib.image
+import numpy as np
+import pytest
+
+import glazefit.recipe
+import glazejax.cli
+from glazefit import colourchecker_targets
+from glazejax.cli import main
+from glazejax.io import read_spectra
+
+from .palette import GRID, palette
+
+
+@pytest.fixture
+def run(monkeypatch, tmp_path, capsys):
+    """Run the command on the made-up paints; gives exit status, output and errors."""
+    monkeypatch.chdir(tmp_path)
+    # The tests set JAX up themselves.
+    monkeypatch.setattr(glazejax.cli, "start_jax", lambda: None)
+    monkeypatch.setenv("COLUMNS", "100")
+    with open("paints.csv", "w", newline="") as file:
+        rows = csv.writer(file)
+        rows.writerow(["pigment", "wavelength_nm", "absorption", "scattering"])
+        for paint in palette():
+            columns = zip(GRID, np.asarray(paint.absorption), np.asarray(paint.scattering), strict=True)
+            rows.writerows([paint.name, *values] for values in columns)
+
+    def call(*words):
+        paints = () if "--pigments" in words else ("--pigments", "paints.csv")
+        monkeypatch.setattr(sys, "argv", ["glazejax", "recipe", *map(str, words), *paints])
+        with pytest.raises(SystemExit) as stop:
+            main()
+        out, err = capsys.readouterr()
+        return stop.value.code or 0, out, err
+
+    return call
+
+
+def test_patches_of_a_chart(run, tmp_path):
+    """Two patches with two paints in one coat at most, to the screen, a picture, a table and a file of all."""
+    words = [
+        "--patch",
+        "dark skin,white",
+        "--max-layers",
+        1,
+        "--max-paints",
+        2,
+        "--count",
+        2,
+        "--csv",
+        "r.csv",
+        "--json",
+        "r.json",
+        "--spectra",
+        "s.csv",
+    ]
+    status, out, _ = run(*words)
+    assert status == 0
+    assert "dark skin" in out
+    assert "white 9.5" in out
+    assert "of 2 targets within a ΔE00 of 1" in out
+    height, width, *_ = matplotlib.image.imread(tmp_path / "recipes.png").shape
+    assert min(height, width) > 300
+
+    rows = list(csv.DictReader((tmp_path / "r.csv").read_text().splitlines()))
+    recipes = {(row["target"], row["recipe"]): [] for row in rows}
+    for row in rows:
+        recipes[row["target"], row["recipe"]].append(row)
+    assert len(recipes) == 4
+    for parts in recipes.values():
+        assert len(parts) <= 2
+        assert {part["coat"] for part in parts} == {"1"}
+        assert sum(float(part["share"]) for part in parts) == pytest.approx(1)
+        assert 1 <= float(parts[0]["thickness_um"]) <= 50
+    found = json.loads((tmp_path / "r.json").read_text())
+    first = found[0][0]
+    assert first["target"] == "dark skin"
+    assert first["delta_e_2000"]["D65"] == pytest.approx(float(rows[0]["delta_e_2000"]), abs=1e-3)
+    assert len(first["reflectance"]) == len(first["wavelengths_nm"]) == GRID.size
+
+    table = read_spectra("s.csv")
+    assert list(table.names) == ["dark skin", "white 9.5"]
+    np.testing.assert_allclose(table["dark skin"], colourchecker_targets(["dark skin"])[0].reflectance)
+
+    status, _, err = run(*words)
+    assert status == 2
+    assert "recipes.png exists" in err
+
+
+def test_an_interrupt_keeps_what_is_finished(run, monkeypatch):
+    def cut_short(task):
+        yield from _first_of(real(task))
+        raise KeyboardInterrupt
+
+    def _first_of(groups):
+        yield next(groups)
+
+    real = glazefit.recipe.recipe_chunks
+    monkeypatch.setattr(glazefit.recipe, "recipe_chunks", cut_short)
+    monkeypatch.setattr(glazefit.recipe, "GROUP", 1)
+    status, out, _ = run("--patch", "red,blue", "--max-layers", 1, "--max-paints", 2, "--count", 1)
+    assert status == 130
+    assert "Interrupted: 1 of 2 targets were finished and written" in out
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ([], "give one target"),
+        (["--lab", "50,0,0", "--srgb", "#fff"], "give one target"),
+        (["--lab", "50;0;0"], "--lab is '50;0;0'"),
+        (["--lab", "50,0"], "three numbers"),
+        (["--srgb", "red"], "six hexadecimal digits"),
+        (["--patch", "mauve"], "unknown patch 'mauve'"),
+        (["--spectrum", "none.csv"], "none.csv"),
+        (["--lab", "50,0,0", "--samples", "a"], "--samples names spectra of a file"),
+        (["--lab", "50,0,0", "--thickness", "thick"], "--thickness is 'thick'"),
+        (["--lab", "50,0,0", "--thickness", "50-1"], "must ascend"),
+        (["--lab", "50,0,0", "--only", "Mauve"], "no pigment 'Mauve'"),
+        (["--lab", "50,0,0", "--only", "Red", "--without", "Red"], "leave no paint"),
+        (["--lab", "50,0,0", "--out", "a.txt"], "pictures end in"),
+        (["--lab", "50,0,0", "--csv", "no/a.csv"], "does not exist"),
+        (["--lab", "50,0,0", "--spectra", "s.csv"], "has no spectrum"),
+        (["--lab", "50,0,0", "--csv", "same", "--json", "same"], "same file"),
+        (["--lab", "50,0,0", "--illuminants", "Z"], "unknown illuminant"),
+        (["--lab", "50,0,0", "--ground", "90"], "must lie in [0, 1], not 90"),
+    ],
+)
+def test_mistakes_get_one_line(run, words, message):
+    status, out, err = run(*words)
+    assert status == 2
+    assert out == ""
+    assert message in err
+    assert len(err.strip().splitlines()) == 1
