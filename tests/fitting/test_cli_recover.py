@@ -179,3 +179,35 @@ def test_slug():
 
 def test_instrument_defaults_are_the_commands():
     assert (Noise(), Instrument().refractive_index) == (Noise(0.0005, 0.002), 1.5)
+
+
+def test_joint_needs_recipes_and_measured_mixtures(run, tmp_path, films):
+    file = write(tmp_path / "f.tsv", films)
+    for words, message in (
+        ((file, "--out", "res", "--joint"), "--joint needs to know what the films are made of"),
+        (("--simulate", "--out", "res", "--joint"), "leave out --simulate, or leave out --joint"),
+        ((file, "--out", "res", "--law", "strength"), "add --joint"),
+        ((file, "--out", "res", "--joint", "--law", "volume"), "it must be mass or strength"),
+    ):
+        status, _, err = run(*words)
+        assert status != 0
+        assert message in err
+        assert "Traceback" not in err
+
+
+def test_joint_fit_on_the_command_line(run, tmp_path, films):
+    file = write(tmp_path / "f.tsv", films)
+    (tmp_path / "mixtures.tsv").write_text("01A\tRed-White|100-0\n02B\tRed-White|40-60\n")
+    status, out, _ = run(file, "--out", "res", "--joint", "--no-plots")
+    assert status == 0
+    assert "2 paints from 2 films" in out
+    assert "a typical film is taken as 25 µm" in out
+    with (tmp_path / "res" / "films.csv").open() as table:
+        rows = list(csv.DictReader(table))
+    assert [row["film"] for row in rows] == ["01A", "02B"]
+    assert rows[1]["recipe"] == "Red 40% + White 60%"
+    with (tmp_path / "res" / "pigments.csv").open() as table:
+        assert {row["pigment"] for row in csv.DictReader(table)} == {"Red", "White"}
+    status, _, err = run(file, "--out", "res", "--joint")
+    assert status != 0
+    assert "--overwrite" in err

@@ -147,8 +147,10 @@ def test_heavy_tail_is_students_t():
     from scipy.stats import t
 
     x = np.array([-30.0, -1.0, 0.0, 1e-5, 0.5, 8.0])
-    np.testing.assert_allclose(heavy_tail(jnp.asarray(x), 3.0) ** 2, 2 * (t.logpdf(0, 3) - t.logpdf(x, 3)), atol=1e-9)
-    assert np.all(np.isfinite(jax.vmap(jax.grad(lambda v: heavy_tail(v, 3.0)))(jnp.asarray(x))))
+    np.testing.assert_allclose(
+        heavy_tail(jnp.asarray(x), jnp.asarray(3.0)) ** 2, 2 * (t.logpdf(0, 3) - t.logpdf(x, 3)), atol=1e-9
+    )
+    assert np.all(np.isfinite(jax.vmap(jax.grad(lambda v: heavy_tail(v, jnp.asarray(3.0))))(jnp.asarray(x))))
 
 
 def test_laws():
