@@ -103,10 +103,11 @@ def stack_reflectance_factor(
             names the argument and the value. Values that are traced cannot be checked.
 
     Notes:
-        `tolerance` picks the number of directions from a table. It was calibrated on random stacks of 1 to 5 layers
-        with optical thickness 0.003 to 30, albedo up to 1 - 1e-6, grounds 0 to 1 and cosines 0.05 to 1 at indices
-        from 1 to 2.5 against a run with more than twice the directions, so that the worst of them stays
-        below the tolerance (`python -m benchmarks.calibrate_directions` repeats it). Only a traced index between 1
+        `tolerance` picks the number of directions: for an index that is a number by their error in the sums they have
+        to make (`glazejax.radiative.resolution`), for an array of indices from a table. Both were calibrated on
+        random stacks of 1 to 5 layers with optical thickness 0.003 to 30, albedo up to 1 - 1e-6, grounds 0 to 1 and
+        cosines 0.05 to 1 at indices from 1 to 2.5 against a run with more than twice the directions, so that the
+        worst of them stays below the tolerance (`python -m benchmarks.calibrate_directions` repeats it). Only a traced index between 1
         and 1.0001, where the surface all but vanishes, was worse: up to ten times the tolerance. In float32, rounding
         leaves about 1e-5 and a smaller tolerance buys nothing.
 
