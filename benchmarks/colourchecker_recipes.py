@@ -94,13 +94,16 @@ def independent(recipe: Recipe) -> float:
     spectrum = np.asarray(gj.reflectance(recipe.glaze, SEEN, tolerance=1e-8))
     light = science.SDS_ILLUMINANTS["D65"]
     observer = science.MSDS_CMFS[colour.CIE_1931]
-    white = science.sd_to_XYZ(science.sd_ones(), observer, light) / 100
+    with science.utilities.suppress_warnings(colour_warnings=True):
+        white = science.sd_to_XYZ(science.sd_ones(), observer, light) / 100
     labs = []
     assert target.wavelengths is not None
     assert target.reflectance is not None
     for grid, values in ((recipe.wavelengths, spectrum), (target.wavelengths, target.reflectance)):
         measured = science.SpectralDistribution(values, grid)
-        xyz = science.sd_to_XYZ(measured, observer, light) / 100
+        # It says at length that it trims and aligns.
+        with science.utilities.suppress_warnings(colour_warnings=True):
+            xyz = science.sd_to_XYZ(measured, observer, light) / 100
         labs.append(np.asarray(science.XYZ_to_Lab(xyz, science.XYZ_to_xy(white))))
     return float(colour.delta_e_2000(*labs))
 

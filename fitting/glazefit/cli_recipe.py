@@ -68,7 +68,8 @@ def recipe(
         Path | None, typer.Option(help="Also write all recipes, with spectra, to this file.", show_default=False)
     ] = None,
     spectra: Annotated[
-        Path | None, typer.Option(help="Also write the targets' spectra: .csv, .cxf or .hdr.", show_default=False)
+        Path | None,
+        typer.Option(help="Also write the targets' spectra, at the paints' bands.", show_default=False),
     ] = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")] = False,
 ) -> None:
@@ -256,7 +257,7 @@ def _write(
     if json := others["--json"]:
         write_json(found, json)
     if spectra := others["--spectra"]:
-        write_targets(task.targets, spectra, overwrite=overwrite)
+        write_targets(task.targets, task.wavelengths, spectra, overwrite=overwrite)
     one = len(found) == 1
     shown = found[0] if one else [recipes[0] for recipes in found]
     titles = [f"recipe {i}" for i in range(1, len(shown) + 1)] if one else [r.target.name for r in shown]

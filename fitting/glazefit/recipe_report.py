@@ -5,6 +5,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
+from jaxtyping import Float
 from rich.console import Console
 from rich.table import Table
 from rich.text import Text
@@ -13,7 +14,7 @@ from glazejax import colour
 from glazejax.describe import Coat
 from glazejax.io import SpectraTable, write_spectra, write_table
 from glazejax.plots import hex_colour
-from glazejax.spectra import same_grid
+from glazejax.spectra import resample
 
 from .recipe import Recipe
 from .targets import Target
@@ -198,15 +199,14 @@ def _plain(recipe: Recipe) -> dict:
     }
 
 
-def write_targets(targets: Sequence[Target], path: Path, *, overwrite: bool = False) -> None:
-    """Write the spectra of targets, as CSV, CxF3 or ENVI by the name's ending.
-
-    Raises:
-        ValueError: a target has no spectrum, or another grid than the first.
-    """
-    grids = [target.wavelengths for target in targets if target.wavelengths is not None]
-    spectra = [target.reflectance for target in targets if target.reflectance is not None]
-    if len(spectra) < len(targets) or any(not same_grid(grids[0], grid) for grid in grids):
-        raise ValueError("targets must be spectra on the same wavelengths to be written to one table")
-    table = SpectraTable(grids[0], tuple(target.name for target in targets), np.stack(spectra))
+def write_targets(
+    targets: Sequence[Target], wavelengths: Float[np.ndarray, "bands"], path: Path, *, overwrite: bool = False
+) -> None:
+    """Write the spectra of targets on some wavelengths (nm), as CSV, CxF3 or ENVI by the name's ending."""
+    spectra = [
+        resample(target.wavelengths, target.reflectance, wavelengths)
+        for target in targets
+        if target.wavelengths is not None and target.reflectance is not None
+    ]
+    table = SpectraTable(wavelengths, tuple(target.name for target in targets), np.stack(spectra))
     write_spectra(table, path, overwrite=overwrite)

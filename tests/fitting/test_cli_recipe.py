@@ -84,7 +84,11 @@ def test_patches_of_a_chart(run, tmp_path):
 
     table = read_spectra("s.csv")
     assert list(table.names) == ["dark skin", "white 9.5"]
-    np.testing.assert_allclose(table["dark skin"], colourchecker_targets(["dark skin"])[0].reflectance)
+    target = colourchecker_targets(["dark skin"])[0]
+    assert target.wavelengths is not None
+    assert target.reflectance is not None
+    np.testing.assert_array_equal(table.wavelengths, GRID)
+    np.testing.assert_allclose(table["dark skin"], np.interp(GRID, target.wavelengths, target.reflectance))
 
     status, _, err = run(*words)
     assert status == 2
