@@ -107,9 +107,9 @@ def stack_reflectance_factor(
         to make (`glazejax.radiative.resolution`), for an array of indices from a table. Both were calibrated on
         random stacks of 1 to 5 layers with optical thickness 0.003 to 30, albedo up to 1 - 1e-6, grounds 0 to 1 and
         cosines 0.05 to 1 at indices from 1 to 2.5 against a run with more than twice the directions, so that the
-        worst of them stays below the tolerance (`python -m benchmarks.calibrate_directions` repeats it). Only a traced index between 1
-        and 1.0001, where the surface all but vanishes, was worse: up to ten times the tolerance. In float32, rounding
-        leaves about 1e-5 and a smaller tolerance buys nothing.
+        worst of them stays below the tolerance (`python -m benchmarks.calibrate_directions` repeats it). Only a traced
+        index between 1 and 1.0001, where the surface all but vanishes, was worse: up to ten times the tolerance. In
+        float32, rounding leaves about 1e-5 and a smaller tolerance buys nothing.
 
     Source: paper A (Shinozawa et al. 2013), eqs (4)-(22), solved as described in `glazejax.radiative.ordinates`.
     """
