@@ -1,49 +1,65 @@
 """How probable a spectrum is: errors of the instrument and of the model, and what is expected beforehand.
 
 Measured minus computed reflectance of films that were left out of a fit is ten times what the instrument's noise
-explains, smooth in the wavelength, and much the same over a black and a white card. So errors are Gaussian with
-
-    covariance = noise^2 I + amplitude^2 (shared + (1 - shared) I)_grounds x exp(-(l - l')^2 / 2 length^2) + gloss
-
-and the amplitude itself is uncertain: probabilities are summed over some values of it, which gives them the tails that
-paint needs. The last term lets the surface's reflection vary between films.
+explains, smooth in the wavelength, and much the same over a black and a white card. Three things are behind it, all
+Gaussian here: absorption and scattering of each paint are off by a share that varies slowly with the wavelength (paint
+of another batch, an edge that is shifted), the model itself is off by a smooth curve, and the surface reflects more or
+less. The size of the first two is uncertain too: probabilities are summed over some scales of it, which gives them the
+tails that paint needs.
 
 `Nothing in the catalogue` competes on the same terms: any smooth spectrum, without a paint behind it.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import ArrayLike, Float, Int
+
+from glazejax import Pigment
+
+# Errors of a logarithm beyond this say no more than that nothing is known.
+_LARGEST = 1.0
+# Over which the strength of an opaque paint stays alike, nm.
+_COMMON_LENGTH = 60.0
 
 
 @dataclass(frozen=True)
 class Discrepancy:
-    """Errors of the model: smooth in wavelength, common to the grounds.
+    """Errors of the model.
+
+    The sizes are those of films that were left out of a joint fit, `benchmarks/identification.py`: far from small.
 
     Attributes:
-        amplitude: standard deviation in reflectance.
-        length: over which they stay alike, nm.
-        shared: correlation between grounds, in [0, 1].
-        scales, weights: factors of the amplitude, and how probable each is.
+        coefficient: standard deviation of the log of a paint's k, and of its s.
+        coefficient_length: over which these errors stay alike, nm.
+        amplitude: standard deviation of the model's own smooth error, in reflectance.
+        length: over which that stays alike, nm.
+        shared: its correlation between grounds, in [0, 1].
+        scales, weights: factors of all of these, and how probable each is.
         gloss, gloss_sd: share of the surface's reflection that is seen, and how it varies between films.
+        screening: amplitude that stands for all errors while candidates are looked for.
 
     Raises:
         ValueError: a value out of range.
     """
 
-    amplitude: float = 0.01
-    length: float = 40.0
+    coefficient: float = 0.2
+    coefficient_length: float = 50.0
+    amplitude: float = 0.008
+    length: float = 60.0
     shared: float = 0.8
-    scales: tuple[float, ...] = (0.4, 1.0, 2.5)
-    weights: tuple[float, ...] = (0.35, 0.45, 0.2)
-    gloss: float = 0.97
-    gloss_sd: float = 0.1
+    scales: tuple[float, ...] = (0.25, 0.5, 1.0, 2.0)
+    weights: tuple[float, ...] = (0.15, 0.3, 0.35, 0.2)
+    gloss: float = 1.0
+    gloss_sd: float = 0.15
+    screening: float = 0.03
 
     def __post_init__(self) -> None:
-        for name in ("amplitude", "length", "gloss", "gloss_sd"):
+        for name in ("coefficient", "coefficient_length", "amplitude", "length", "gloss", "gloss_sd", "screening"):
             value = getattr(self, name)
-            if not (np.isfinite(value) and value >= 0 and (value > 0 or name != "length")):
+            if not (np.isfinite(value) and value >= 0 and (value > 0 or "length" not in name)):
                 raise ValueError(f"the discrepancy's {name} is {value:g}; it must be positive")
         if not 0 <= self.shared <= 1:
             raise ValueError(f"the discrepancy's shared is {self.shared:g}; a correlation lies in [0, 1]")
@@ -70,7 +86,7 @@ class Prior:
     thickness: float = 25e-6
     spread: float = 0.7
     concentration: float = 1.0
-    sizes: tuple[float, ...] = (0.35, 0.4, 0.25)
+    sizes: tuple[float, ...] = (0.4, 0.45, 0.15)
     stacked: float = 0.3
     unknown: float = 0.05
 
@@ -84,25 +100,121 @@ class Prior:
 
 
 def smooth_kernel(wavelengths: Float[np.ndarray, "bands"], length: float) -> Float[np.ndarray, "bands bands"]:
-    """Correlation exp(-(l - l')^2 / 2 length^2) of errors at two wavelengths."""
-    apart = (wavelengths[:, None] - wavelengths) / length
-    return np.exp(-0.5 * apart**2)
+    """Correlation (1 + d) exp(-d), d = sqrt(3) |l - l'| / length, of errors at two wavelengths: Matern's of order 3/2.
+
+    Once differentiable, no more: an infinitely smooth one would believe every kink, and fit kinks at any price.
+    """
+    apart = np.sqrt(3.0) * np.abs(wavelengths[:, None] - wavelengths) / length
+    return (1.0 + apart) * np.exp(-apart)
 
 
-def covariance(
-    noise_sd: Float[np.ndarray, "*n grounds bands"],
-    wavelengths: Float[np.ndarray, "bands"],
-    surface: float,
-    discrepancy: Discrepancy,
-    scale: float,
-) -> Float[np.ndarray, "*n readings readings"]:
-    """Covariance of all readings of a film, ground by ground, about what the model reads."""
-    *batch, grounds, bands = noise_sd.shape
+def model_covariance(
+    wavelengths: Float[np.ndarray, "bands"], grounds: int, discrepancy: Discrepancy, amplitude: float
+) -> Float[np.ndarray, "readings readings"]:
+    """Covariance of the model's own smooth error, ground by ground."""
     cards = discrepancy.shared + (1.0 - discrepancy.shared) * np.eye(grounds)
-    smooth = np.kron(cards, smooth_kernel(wavelengths, discrepancy.length))
-    fixed = (scale * discrepancy.amplitude) ** 2 * smooth + (discrepancy.gloss_sd * surface) ** 2
-    variance = noise_sd.reshape(*batch, grounds * bands) ** 2
-    return fixed + variance[..., None] * np.eye(grounds * bands)
+    return amplitude**2 * np.kron(cards, smooth_kernel(wavelengths, discrepancy.length))
+
+
+class CoefficientErrors(NamedTuple):
+    """How well a catalogue knows its paints, as standard deviations of log k and log s, (paints, bands) each."""
+
+    common: np.ndarray  # of both alike: k/s is known better than either, as in an opaque film
+    absorption: np.ndarray  # of k alone
+    scattering: np.ndarray
+
+    @classmethod
+    def of(cls, pigments: Sequence[Pigment]) -> "CoefficientErrors":
+        """From the standard deviations that pigments carry, if they do.
+
+        A pigment does not say how its errors go together. Where both are large it was opaque, and only its k/s is
+        known: what they have in common is the smaller of the two.
+        """
+
+        def share(sd: ArrayLike | None, value: ArrayLike) -> np.ndarray:
+            if sd is None:
+                return np.zeros(np.shape(value))
+            return np.minimum(np.asarray(sd) / np.maximum(np.asarray(value), 1e-9), _LARGEST)
+
+        k = np.stack([share(p.absorption_sd, p.absorption) for p in pigments])
+        s = np.stack([share(p.scattering_sd, p.scattering) for p in pigments])
+        common = np.minimum(k, s)
+        return cls(common, np.sqrt(k**2 - common**2), np.sqrt(s**2 - common**2))
+
+
+def coefficient_covariance(
+    slopes: Float[np.ndarray, "*n errors readings"],
+    members: Int[np.ndarray, "*n size"],
+    known: CoefficientErrors,
+    wavelengths: Float[np.ndarray, "bands"],
+    discrepancy: Discrepancy,
+) -> Float[np.ndarray, "*n readings readings"]:
+    """Covariance that errors of paints' k and s cause, smooth in the wavelength and independent between paints.
+
+    Args:
+        slopes: of the readings by the log of each paint's k, then of each one's s, band by band.
+        members: numbers of the paints.
+        known: how well the catalogue knows them.
+        wavelengths: (bands,), nm.
+        discrepancy: size and length of what no catalogue states.
+    """
+    grounds, size = slopes.shape[-1] // wavelengths.size, members.shape[-1]
+
+    def kernel(length: float) -> np.ndarray:
+        return np.tile(smooth_kernel(wavelengths, length), (grounds, grounds))
+
+    def spread(sd: np.ndarray) -> np.ndarray:
+        return np.tile(sd[members], grounds)
+
+    by_k, by_s = slopes[..., :size, :], slopes[..., size:, :]
+    own = np.concatenate(
+        [
+            by_k * np.hypot(discrepancy.coefficient, spread(known.absorption)),
+            by_s * np.hypot(discrepancy.coefficient, spread(known.scattering)),
+        ],
+        axis=-2,
+    )
+    both = (by_k + by_s) * spread(known.common)
+    covariance = (np.swapaxes(own, -1, -2) @ own) * kernel(discrepancy.coefficient_length)
+    return covariance + (np.swapaxes(both, -1, -2) @ both) * kernel(_COMMON_LENGTH)
+
+
+def noise_covariance(
+    noise_sd: Float[np.ndarray, "*n grounds bands"], surface: float, discrepancy: Discrepancy
+) -> Float[np.ndarray, "*n readings readings"]:
+    """Covariance of what no scale changes: noise, and the surface's reflection."""
+    variance = noise_sd.reshape(*noise_sd.shape[:-2], -1) ** 2
+    return variance[..., None] * np.eye(variance.shape[-1]) + (discrepancy.gloss_sd * surface) ** 2
+
+
+@dataclass(frozen=True)
+class Whitening:
+    """Gaussian errors at every scale: |B r|^2 / variance summed is the misfit of residuals r, for each scale.
+
+    Attributes:
+        basis: B, (..., readings, readings).
+        variance: of B r, (..., scales, readings).
+        height: log of the Gaussian's height and of the scale's probability, (..., scales).
+    """
+
+    basis: np.ndarray
+    variance: np.ndarray
+    height: np.ndarray
+
+
+def whiten(
+    fixed: Float[np.ndarray, "*n readings readings"],
+    scaled: Float[np.ndarray, "*n readings readings"],
+    discrepancy: Discrepancy,
+) -> Whitening:
+    """Diagonal form of fixed + scale^2 scaled for all scales at once."""
+    white, height = whitening(fixed)
+    inner = white @ scaled @ np.swapaxes(white, -1, -2)
+    values, vectors = np.linalg.eigh(0.5 * (inner + np.swapaxes(inner, -1, -2)))
+    scales, weights = np.asarray(discrepancy.scales), np.asarray(discrepancy.weights)
+    variance = 1.0 + scales[:, None] ** 2 * np.maximum(values, 0.0)[..., None, :]
+    heights = height[..., None] - 0.5 * np.log(variance).sum(axis=-1) + np.log(weights / weights.sum())
+    return Whitening(np.swapaxes(vectors, -1, -2) @ white, variance, heights)
 
 
 def whitening(matrix: Float[np.ndarray, "*n r r"]) -> tuple[Float[np.ndarray, "*n r r"], Float[np.ndarray, "*n"]]:
@@ -114,17 +226,19 @@ def whitening(matrix: Float[np.ndarray, "*n r r"]) -> tuple[Float[np.ndarray, "*
 
 
 def log_none(
-    readings: Float[np.ndarray, "spectra grounds bands"], wavelengths: Float[np.ndarray, "bands"]
+    readings: Float[np.ndarray, "spectra grounds bands"],
+    noise_sd: Float[np.ndarray, "spectra grounds bands"],
+    wavelengths: Float[np.ndarray, "bands"],
 ) -> Float[np.ndarray, "spectra"]:
     """Log probability density of spectra as any smooth curve between 0 and 1.
 
-    A curve of mean .3, with a level that varies by .2 and a shape of sd .15 and correlation over 40 nm, alike over both
+    A curve of mean .3, with a level that varies by .2 and a shape of sd .15 and correlation over 40 nm, alike over the
     grounds but not the same.
     """
     spectra, grounds, bands = readings.shape
     cards = 0.7 + 0.3 * np.eye(grounds)
-    shape = 0.15**2 * smooth_kernel(wavelengths, 40.0) + 0.2**2
-    matrix = np.kron(cards, shape) + np.eye(grounds * bands) * 0.002**2
-    white, height = whitening(matrix)
-    off = (readings.reshape(spectra, -1) - 0.3) @ white.T
+    smooth = np.kron(cards, 0.15**2 * smooth_kernel(wavelengths, 40.0) + 0.2**2)
+    variance = noise_sd.reshape(spectra, -1) ** 2
+    white, height = whitening(smooth + variance[..., None] * np.eye(grounds * bands))
+    off = np.einsum("sij,sj->si", white, readings.reshape(spectra, -1) - 0.3)
     return height - 0.5 * np.sum(off**2, axis=-1)

@@ -21,7 +21,7 @@ from glazejax.media import MAX_THICKNESS
 from glazejax.radiative.fresnel import dielectric_reflectance
 
 from .candidates import Paints
-from .evidence import Discrepancy, Prior, covariance, log_none
+from .evidence import CoefficientErrors, Discrepancy, Prior, log_none, model_covariance, noise_covariance
 from .films import Films, Instrument, Noise, cards
 from .identify_inputs import Measured, check_pigments, check_spectra
 from .identify_result import Identification, Pool
@@ -87,6 +87,7 @@ def identify_chunks(
     task = Task(
         film_response(seen_by, instrument.refractive_index),
         _paints(known, prior.thickness),
+        CoefficientErrors.of(known),
         measured.wavelengths,
         _optics(seen_by, instrument.refractive_index),
         instrument.surface if seen_by.specular else 0.0,
@@ -107,7 +108,9 @@ def _weigh(
     task: Task, pool: Pool, measured: Measured, names: tuple[str, ...], opaque: bool, keep: int
 ) -> Identification:
     """Probabilities of all candidates and of none, and the best candidates in full."""
-    nothing = log_none(measured.readings, task.wavelengths) + np.log(task.prior.unknown)
+    nothing = log_none(measured.readings, task.noise.sd(measured.readings), task.wavelengths) + np.log(
+        task.prior.unknown
+    )
     weight = np.where(np.isfinite(pool.log_weight), pool.log_weight, -np.inf)
     total = logsumexp(np.concatenate([weight, nothing[:, None]], axis=1), axis=1)
     probability = np.exp(weight - np.asarray(total)[:, None])
@@ -135,10 +138,11 @@ def _weigh(
 def _gloss(task: Task, measured: Measured, pool: Pool) -> Float[np.ndarray, "spectra candidates"]:
     """Share of the surface's reflection that each candidate's residual speaks for."""
     seen, d = task.surface, task.discrepancy
-    matrix = covariance(task.noise.sd(measured.readings), task.wavelengths, seen, d, 1.0)
+    model = model_covariance(task.wavelengths, measured.readings.shape[1], d, d.screening)
+    matrix = noise_covariance(task.noise.sd(measured.readings), seen, d) + model
     lever = np.linalg.solve(matrix, np.ones((*matrix.shape[:2], 1)))[..., 0]
     off = task.target(measured.readings)[:, None] - pool.readings
-    return np.clip(d.gloss + d.gloss_sd**2 * seen * np.einsum("scr,sr->sc", off, lever), 0.0, 1.0)
+    return np.maximum(d.gloss + d.gloss_sd**2 * seen * np.einsum("scr,sr->sc", off, lever), 0.0)
 
 
 def identify(

@@ -89,6 +89,10 @@ class Pool:
         """All arrays."""
         return (self.members, self.coats, self.logs, self.covariance, self.log_weight, self.readings)
 
+    def best(self, count: int) -> "Pool":
+        """The most probable candidates of each spectrum."""
+        return self.take(np.argsort(-self.log_weight, axis=1, kind="stable")[:, :count])
+
     def take(self, chosen: Int[np.ndarray, "spectra kept"]) -> "Pool":
         """Some candidates of each spectrum, by number."""
         rows = np.arange(len(chosen))[:, None]

@@ -1,5 +1,6 @@
 """From spectra to a pool of fitted candidates: screen, fit, grow, fit, and stack."""
 
+from dataclasses import replace
 from typing import NamedTuple
 
 import jax
@@ -8,19 +9,30 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from .candidates import Paints, Search, amounts_grid, grow, score, screen, sets_of, unique_best
-from .evidence import Discrepancy, Prior, covariance, whitening
+from .evidence import (
+    CoefficientErrors,
+    Discrepancy,
+    Prior,
+    Whitening,
+    coefficient_covariance,
+    model_covariance,
+    noise_covariance,
+    whiten,
+    whitening,
+)
 from .films import Noise
-from .identify_fit import LEAST, MOST, Fitted, Weights, fit_sets
+from .identify_fit import LEAST, MOST, Fitted, Weights, coat_slopes, fit_sets
 from .identify_inputs import Measured
 from .identify_result import NOBODY, Pool
-from .identify_stacks import Optics, fit_stacks, orders
+from .identify_stacks import Optics, fit_stacks, orders, stack_slopes, stack_starts
 from .response import FilmResponse
 
 CHUNK = 16
 """Spectra that are fitted at a time."""
 
 _SCREENED = 256
-_KEPT_PAIRS, _GROWN_PAIRS, _KEPT_TRIPLES, _STACKED = 40, 12, 40, 8
+_KEPT_PAIRS, _GROWN_PAIRS, _KEPT_TRIPLES, _REFINED, _STACKED = 40, 12, 40, 24, 8
+_ROUNDS = 2
 # Grounds that differ by less share a screening; each film is then fitted with its own.
 _ALIKE = 0.04
 _TYPICAL_READING = 0.3
@@ -31,6 +43,7 @@ class Task(NamedTuple):
 
     response: FilmResponse
     paints: Paints
+    known_to: CoefficientErrors
     wavelengths: Float[np.ndarray, "bands"]
     optics: Optics
     surface: float  # what a smooth surface adds to a reading
@@ -57,7 +70,8 @@ class Task(NamedTuple):
     def common_whitening(self, grounds: int) -> Float[np.ndarray, "readings readings"]:
         """Of a reading of middling size, for the searches that only rank."""
         sd = self.noise.sd(np.full((grounds, self.wavelengths.size), _TYPICAL_READING))
-        return whitening(covariance(sd, self.wavelengths, self.surface, self.discrepancy, 1.0))[0]
+        model = model_covariance(self.wavelengths, grounds, self.discrepancy, self.discrepancy.screening)
+        return whitening(noise_covariance(sd, self.surface, self.discrepancy) + model)[0]
 
     def log_set(self, size: int) -> float:
         """Log prior probability of one set of so many paints."""
@@ -74,14 +88,36 @@ class Start(NamedTuple):
     logs: Float[np.ndarray, "spectra sets size"]
 
 
-def weights_of(task: Task, readings: Float[np.ndarray, "spectra grounds bands"]) -> Weights:
-    """Errors of some spectra, for each scale of the discrepancy."""
-    sd, d = task.noise.sd(readings), task.discrepancy
-    parts = [whitening(covariance(sd, task.wavelengths, task.surface, d, scale)) for scale in d.scales]
-    white, height = (np.stack(a, axis=1) for a in zip(*parts, strict=True))
-    height = height + np.log(np.asarray(d.weights) / sum(d.weights))
-    alike = [np.full(len(readings), value) for value in (task.prior.spread, task.prior.concentration)]
-    return Weights(*(jnp.asarray(a, float) for a in (task.target(readings), white, height, *alike)))
+def weights_of(task: Task, readings: Float[np.ndarray, "spectra grounds bands"], errors: Whitening) -> Weights:
+    """Errors and prior of some spectra, or of some candidates for each, which the errors' leading axes say."""
+    batch = errors.height.shape[:-1]
+    target = task.target(readings).reshape(len(readings), *[1] * (len(batch) - 1), -1)
+    target = np.broadcast_to(target, (*batch, target.shape[-1]))
+    alike = [np.full(batch, value) for value in (task.prior.spread, task.prior.concentration)]
+    parts = (target, errors.basis, errors.variance, errors.height, *alike)
+    return Weights(*(jnp.asarray(a, float) for a in parts))
+
+
+def alike_errors(task: Task, readings: Float[np.ndarray, "spectra grounds bands"]) -> Whitening:
+    """Errors while candidates are looked for: the same for all candidates of a spectrum."""
+    d = task.discrepancy
+    model = model_covariance(task.wavelengths, readings.shape[1], d, d.screening)
+    fixed = noise_covariance(task.noise.sd(readings), task.surface, d)
+    return whiten(fixed, np.broadcast_to(model, fixed.shape), d)
+
+
+def own_errors(
+    task: Task,
+    readings: Float[np.ndarray, "spectra grounds bands"],
+    slopes: Float[np.ndarray, "spectra sets errors readings"],
+    members: Int[np.ndarray, "spectra sets size"],
+) -> Whitening:
+    """Errors of each candidate, from what its paints' coefficients do to the readings."""
+    d = task.discrepancy
+    model = model_covariance(task.wavelengths, readings.shape[1], d, d.amplitude)
+    fixed = noise_covariance(task.noise.sd(readings), task.surface, d)[:, None]
+    scaled = model + coefficient_covariance(slopes, members, task.known_to, task.wavelengths, d)
+    return whiten(np.broadcast_to(fixed, scaled.shape), scaled, d)
 
 
 def first_starts(task: Task, measured: Measured) -> list[Start]:
@@ -99,7 +135,7 @@ def first_starts(task: Task, measured: Measured) -> list[Start]:
         for first in range(0, len(rows), _SCREENED):
             some = rows[first : first + _SCREENED]
             # Padded to one of two sizes, so that little is compiled.
-            padded = np.resize(some, CHUNK if len(some) <= CHUNK else _SCREENED)
+            padded = np.resize(some, 1 if len(some) == 1 else CHUNK if len(some) <= CHUNK else _SCREENED)
             search = Search(jnp.asarray(target[padded], float), white, jnp.asarray(ground, float))
             for sets, grid, start in kinds:
                 cost, where = screen(task.response, task.paints, jnp.asarray(sets), jnp.asarray(grid, float), search)
@@ -123,9 +159,10 @@ def alike_grounds(
 
 def search_chunk(task: Task, measured: Measured, rows: Int[np.ndarray, "rows"], starts: list[Start]) -> Pool:
     """Fitted candidates of some spectra, at most `CHUNK`."""
-    padded = np.resize(rows, CHUNK)
+    # Few sizes, so that little is compiled.
+    padded = np.resize(rows, CHUNK if len(rows) > 1 else 1)
     readings, ground = measured.readings[padded], jnp.asarray(measured.grounds[padded], float)
-    weights = weights_of(task, readings)
+    weights = weights_of(task, readings, alike_errors(task, readings))
     pool: Pool | None = None
     last = None
     for start in starts:
@@ -139,9 +176,35 @@ def search_chunk(task: Task, measured: Measured, rows: Int[np.ndarray, "rows"], 
         triples = _pool(task, start.sets, _fit(task, start, ground, weights))
         triples.log_weight[~new] = -np.inf
         pool = pool.merged(triples)
+    looked_at = pool
+    pool = _refined(task, pool.best(_REFINED), readings, ground)
     if task.layers == 2 and task.max_paints > 1 and task.known > 1:
-        pool = _stacked(task, pool, ground, weights)
+        pool = _stacked(task, pool, looked_at, readings, ground, weights)
     return pool.take(np.broadcast_to(np.arange(pool.log_weight.shape[1]), (len(rows), pool.log_weight.shape[1])))
+
+
+def _refined(task: Task, pool: Pool, readings: np.ndarray, ground: jax.Array) -> Pool:
+    """The pool fitted again with errors of each candidate's own."""
+    sets = jnp.asarray(pool.members)
+    for _ in range(_ROUNDS):
+        logs = jnp.asarray(np.where(pool.members == NOBODY, 0.0, pool.logs), float)
+        slopes = np.asarray(coat_slopes(task.response, task.paints, sets, logs, ground))
+        weights = weights_of(task, readings, own_errors(task, readings, slopes, pool.members))
+        fitted = fit_sets(task.response, task.paints, sets, logs, ground, weights, task.middle, own=True)
+        size = (pool.members != NOBODY).sum(axis=-1)
+        share = np.asarray([-np.inf, *(task.log_set(n) for n in range(1, task.max_paints + 1))])
+        # What was struck out stays so.
+        weight = np.where(np.isfinite(pool.log_weight), np.asarray(fitted.log_evidence) + share[size], -np.inf)
+        logs = np.where(pool.members == NOBODY, -np.inf, np.asarray(fitted.logs))
+        spread = np.where(absent_pairs(pool.members), 0.0, np.asarray(fitted.covariance))
+        pool = replace(pool, logs=logs, covariance=spread, log_weight=weight, readings=np.asarray(fitted.readings))
+    return pool
+
+
+def absent_pairs(members: Int[np.ndarray, "*n 3"]) -> Bool[np.ndarray, "*n 3 3"]:
+    """Where a covariance belongs to a paint that is not there."""
+    absent = members == NOBODY
+    return absent[..., :, None] | absent[..., None, :]
 
 
 def _add(pool: Pool | None, more: Pool) -> Pool:
@@ -191,25 +254,39 @@ def _grown(
     return Start(sets[rows, chosen], logs[rows, chosen]), new
 
 
-def _stacked(task: Task, pool: Pool, ground: jax.Array, weights: Weights) -> Pool:
-    """The pool with its best sets of two and three paints as two coats too; a coat less likely than one of a kind."""
-    size = (pool.members != NOBODY).sum(axis=-1)
-    coats_share = np.log(task.prior.stacked)
-    several = size > 1
-    whole = Pool(*pool.parts)
-    whole.log_weight[several] += np.log1p(-task.prior.stacked)
+def _stacked(
+    task: Task, pool: Pool, looked_at: Pool, readings: np.ndarray, ground: jax.Array, weights: Weights
+) -> Pool:
+    """The pool with the best sets of two and three paints that were looked at as two coats too."""
+    pool.log_weight[(pool.members != NOBODY).sum(axis=-1) > 1] += np.log1p(-task.prior.stacked)
+    size = (looked_at.members != NOBODY).sum(axis=-1)
     for paints in range(2, task.max_paints + 1):
         ways = orders(paints)
+        weight = np.where(size == paints, looked_at.log_weight, -np.inf)
         keep = min(_STACKED if paints == 2 else _STACKED // 2, int((size == paints).sum(axis=1).min()))
-        if keep == 0:
-            continue
-        weight = np.where(size == paints, pool.log_weight, -np.inf)
         best = np.argsort(-weight, axis=1)[:, :keep]
-        sets = np.take_along_axis(pool.members, best[..., None], axis=1)[..., :paints]
+        sets = np.take_along_axis(looked_at.members, best[..., None], axis=1)[..., :paints]
         sets = np.repeat(sets, len(ways), axis=1)
         coats = np.broadcast_to(np.tile(ways, (keep, 1)), sets.shape)
-        fitted = fit_stacks(
-            task.paints, jnp.asarray(sets), jnp.asarray(coats), ground, weights, task.optics, task.middle
-        )
-        whole = whole.merged(_pool(task, sets, fitted, coats, coats_share - np.log(len(ways))))
-    return whole
+        fitted = _fit_stacks(task, sets, coats, readings, ground, weights)
+        stacks = _pool(task, sets, fitted, coats, np.log(task.prior.stacked / len(ways)))
+        struck = ~np.isfinite(np.take_along_axis(weight, best, axis=1))
+        stacks.log_weight[np.repeat(struck, len(ways), axis=1)] = -np.inf
+        pool = pool.merged(stacks)
+    return pool
+
+
+def _fit_stacks(
+    task: Task, sets: np.ndarray, coats: np.ndarray, readings: np.ndarray, ground: jax.Array, weights: Weights
+) -> Fitted:
+    """Stacks with errors of their own."""
+    films = task.paints, jnp.asarray(sets), jnp.asarray(coats)
+    logs = stack_starts(*films, ground, weights, task.optics, task.middle)
+    fitted = None
+    for _ in range(_ROUNDS):
+        slopes = np.asarray(stack_slopes(*films, logs, ground, task.optics))
+        own = weights_of(task, readings, own_errors(task, readings, slopes, sets))
+        fitted = fit_stacks(*films, logs, ground, own, task.optics, task.middle)
+        logs = fitted.logs
+    assert fitted is not None
+    return fitted

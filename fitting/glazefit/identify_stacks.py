@@ -16,7 +16,7 @@ from jaxtyping import Array, Float, Int
 from glazejax.radiative.stack import stack_hemispherical_reflectance, stack_reflectance_factor
 
 from .candidates import Paints
-from .identify_fit import Fitted, Weights, evidence, fit_one
+from .identify_fit import Fitted, Weights, fit_one
 
 _TOLERANCE = 1e-4
 _SCREEN_TOLERANCE = 1e-2
@@ -74,48 +74,84 @@ def stack_readings(
 
 
 @functools.partial(jax.jit, static_argnames=("optics", "middle"))
-def fit_stacks(
+def stack_starts(
     paints: Paints, sets: Array, coats: Array, ground: Array, weights: Weights, optics: Optics, middle: int
+) -> Float[Array, "spectra sets size"]:
+    """Log amounts to start stacks from: the best of a coarse grid. Arguments as of `fit_stacks`."""
+    size = sets.shape[-1]
+    places = jnp.asarray(list(itertools.product(_STARTS[size], repeat=size)))
+
+    def start(members: Array, coats: Array, ground: Array, weights: Weights) -> Array:
+        k, s = paints.absorption[members], paints.scattering[members]
+
+        def coarse(logs: Array) -> Array:
+            return stack_readings(k, s, coats, jnp.exp(logs), ground, optics, _SCREEN_TOLERANCE).reshape(-1)
+
+        white = weights.basis / jnp.sqrt(weights.variance[middle])[:, None]
+        off = (weights.target - jax.vmap(coarse)(places)) @ white.T
+        return places[jnp.argmin(jnp.sum(off**2, axis=-1))]
+
+    over_sets = jax.vmap(start, in_axes=(0, 0, None, None))
+    return jax.lax.map(lambda spectrum: over_sets(*spectrum), (sets, coats, ground, weights))
+
+
+@functools.partial(jax.jit, static_argnames=("optics", "middle"))
+def fit_stacks(
+    paints: Paints,
+    sets: Array,
+    coats: Array,
+    starts: Array,
+    ground: Array,
+    weights: Weights,
+    optics: Optics,
+    middle: int,
 ) -> Fitted:
-    """Fit candidates of two coats.
+    """Fit candidates of two coats, each with weights of its own.
 
     Args:
         paints: of the catalogue.
         sets: paints of each candidate, (spectra, sets, size).
         coats: coat of each paint, (spectra, sets, size).
+        starts: log amounts, (spectra, sets, size).
         ground: internal reflectance, (spectra, grounds, bands).
-        weights: of each spectrum.
+        weights: of each candidate.
         optics: cosines and index.
         middle: scale of the discrepancy that is fitted with.
     """
     size = sets.shape[-1]
-    places = jnp.asarray(list(itertools.product(_STARTS[size], repeat=size)))
 
-    def one(spectrum: tuple) -> Fitted:
-        members, coats, ground, weights = spectrum
+    def candidate(members: Array, coats: Array, start: Array, ground: Array, weights: Weights) -> Fitted:
         k, s = paints.absorption[members], paints.scattering[members]
-        read = functools.partial(stack_readings, k, s, coats, ground=ground, optics=optics, tolerance=_TOLERANCE)
-        coarse = jax.vmap(lambda logs: stack_readings(k, s, coats, jnp.exp(logs), ground, optics, _SCREEN_TOLERANCE))(
-            places
-        )
-        off = (weights.target - coarse.reshape(places.shape[0], -1)) @ weights.whitening[middle].T
-        start = places[jnp.argmin(jnp.sum(off**2, axis=-1))]
 
-        def model(logs: Array) -> tuple[Array, Array]:
-            def flat(logs: Array) -> Array:
-                return read(jnp.exp(logs)).reshape(-1)
+        def read(amounts: Array) -> Array:
+            return stack_readings(k, s, coats, amounts, ground, optics, _TOLERANCE).reshape(-1)
 
-            readings, push = jax.linearize(flat, logs)
-            return readings, jax.vmap(push)(jnp.eye(size, dtype=logs.dtype))
+        def model(amounts: Array) -> tuple[Array, Array]:
+            readings, push = jax.linearize(read, amounts)
+            return readings, jax.vmap(push)(jnp.diag(amounts))
 
-        logs, hessian, readings = fit_one(model, start, weights, middle)
-        log_evidence, spread = evidence(logs, hessian, readings, weights)
-        return Fitted(logs, spread, log_evidence, readings)
+        return fit_one(model, start, jnp.ones(size, bool), weights, middle)
 
-    count = sets.shape[1]
+    over_sets = jax.vmap(candidate, in_axes=(0, 0, 0, None, 0))
+    return jax.lax.map(lambda spectrum: over_sets(*spectrum), (sets, coats, starts, ground, weights))
 
-    def many(spectrum: tuple) -> Fitted:
-        sets, coats, ground, weights = spectrum
-        return jax.lax.map(lambda pair: one((*pair, ground, weights)), (sets, coats), batch_size=count)
 
-    return jax.lax.map(many, (sets, coats, ground, weights))
+@functools.partial(jax.jit, static_argnames="optics")
+def stack_slopes(
+    paints: Paints, sets: Array, coats: Array, logs: Array, ground: Array, optics: Optics
+) -> Float[Array, "spectra sets errors readings"]:
+    """Slopes of the readings by the log of every paint's k, then s, band by band; arguments as of `fit_stacks`."""
+    size = sets.shape[-1]
+
+    def candidate(members: Array, coats: Array, logs: Array, ground: Array) -> Array:
+        both = jnp.stack([paints.absorption[members], paints.scattering[members]])
+
+        # Bands do not meet, so that one tangent moves a coefficient in all of them at once.
+        def read(errors: Array) -> Array:
+            k, s = both * (1.0 + errors[..., None])
+            return stack_readings(k, s, coats, jnp.exp(logs), ground, optics, _TOLERANCE).reshape(-1)
+
+        return jax.jacfwd(read)(jnp.zeros((2, size))).reshape(-1, 2 * size).T
+
+    over_sets = jax.vmap(candidate, in_axes=(0, 0, 0, None))
+    return jax.lax.map(lambda spectrum: over_sets(*spectrum), (sets, coats, logs, ground))

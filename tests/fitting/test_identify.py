@@ -1,0 +1,202 @@
+from typing import Any
+
+import numpy as np
+import pytest
+
+from glazefit import Discrepancy, Identification, Prior, ground_from_air, identify, identify_films, simulate_films
+from glazefit.evidence import smooth_kernel
+from glazejax import Bidirectional, Glaze, Hemispherical, Layer, Mixture, Pigment, catalogue, reflectance
+
+GRID = np.arange(400.0, 701.0, 10.0)
+NAMES = ("ZincWhite", "PrussianBlue", "Vermillion", "CobaltBlue", "ChromeYellow", "ViridianGreen", "Cochineal")
+GROUNDS = np.array([[0.025], [0.93]]) * np.ones((2, GRID.size))
+UNIT = 25e-6
+
+
+@pytest.fixture(scope="module")
+def paints():
+    """Paints of the catalogue's shapes, as well known as a joint fit knows them."""
+    known = catalogue.load()
+    return [Pigment(n, GRID, known[n].absorption, known[n].scattering) for n in NAMES]
+
+
+def films_of(paints, recipes, thickness, seed=0, model_error=0.0):
+    """Films over both cards, with noise and a smooth error of the model."""
+    rng = np.random.default_rng(seed)
+    k = np.array([sum(w * np.asarray(paints[p].absorption) for p, w in r.items()) for r in recipes])
+    s = np.array([sum(w * np.asarray(paints[p].scattering) for p, w in r.items()) for r in recipes])
+    films = simulate_films(
+        [str(i) for i in range(len(recipes))], GRID, k * thickness[:, None], s * thickness[:, None], seed=seed
+    )
+    shape = np.linalg.cholesky(smooth_kernel(GRID, 40.0) + 1e-9 * np.eye(GRID.size))
+    off = model_error * rng.standard_normal((len(recipes), GRID.size)) @ shape.T
+    spectra = np.stack([films.over_black + off, films.over_white + off], axis=1)
+    return np.clip(spectra, 0.0, 1.0)
+
+
+FLAT = (0.0, 0.04, 0.5, 0.97, 1.0)
+
+
+def extremes(paints):
+    """Flat readings, blue films from clear to opaque, and a curve that no paint has."""
+    flat = np.array(FLAT)[:, None, None] * np.ones((2, GRID.size))
+    blue = films_of(paints, [{3: 1.0}] * 3, np.array([1e-9, 1e-6, 1e-3]))
+    comb = np.clip(0.45 + 0.35 * np.sin(GRID / 12.0), 0, 1) * np.ones((1, 2, 1))
+    return np.concatenate([flat, blue, comb])
+
+
+@pytest.fixture(scope="module")
+def blind(paints):
+    """Films of one to three paints, and what was found in them."""
+    rng = np.random.default_rng(5)
+    recipes = []
+    for number in range(36):
+        chosen = rng.choice(len(paints), number % 3 + 1, replace=False)
+        recipes.append(dict(zip(chosen.tolist(), rng.dirichlet(np.full(len(chosen), 2.0)), strict=True)))
+    thickness = UNIT * np.exp(0.4 * rng.standard_normal(len(recipes)))
+    spectra = films_of(paints, recipes, thickness, seed=6, model_error=0.002)
+    found = identify(np.concatenate([spectra, extremes(paints)]), GRID, paints, grounds=GROUNDS)
+    return recipes, thickness, found
+
+
+def test_paints_are_found_blind(blind):
+    recipes, _, found = blind
+    best = [set(members[members >= 0].tolist()) for members in found.members[: len(recipes), 0]]
+    right = np.mean([b == set(r) for b, r in zip(best, recipes, strict=True)])
+    assert right > 0.8
+    # What it expects of itself is what happens, within the scatter of 36 films.
+    assert abs(right - found.probability[: len(recipes), 0].mean()) < 0.15
+    assert found.explained[: len(recipes)].all()
+
+
+def test_fractions_and_thickness_are_found(blind):
+    recipes, thickness, found = blind
+    off, depth = [], []
+    for row, recipe in enumerate(recipes):
+        first = found.ranked(row, 1)[0]
+        if {NAMES.index(p) for p in first.paints} == set(recipe):
+            off += [abs(recipe[NAMES.index(p)] - f) for p, f in zip(first.paints, first.fractions, strict=True)]
+            depth.append((first.thickness - thickness[row]) / first.thickness_sd)
+    assert np.mean(off) < 0.05
+    assert np.median(np.abs(depth)) < 1.5
+
+
+def test_probabilities_and_none_sum_to_one(blind):
+    found = blind[-1]
+    total = found.probability.sum(axis=1) + found.none
+    assert np.all(total < 1 + 1e-9)
+    assert np.all(total > 0.95)
+    assert np.all(np.diff(found.probability, axis=1) <= 1e-12)
+
+
+def test_residuals_are_measured_minus_fitted_and_small(blind):
+    found = blind[-1]
+    np.testing.assert_allclose(found.residual + found.fitted, found.measured.readings[:, None] + 0 * found.fitted)
+    assert np.median(found.rmse[:36, 0]) < 0.01
+    assert np.median(found.angle[:36, 0]) < 2.0
+    assert np.median(found.delta_e[:36, 0]) < 1.5
+
+
+@pytest.mark.slow
+def test_one_spectrum_alone_gives_what_it_gives_in_a_batch(paints, blind):
+    found = blind[-1]
+    alone = identify(found.measured.readings[7:8], GRID, paints, grounds=GROUNDS)
+    np.testing.assert_allclose(alone.probability[0, :5], found.probability[7, :5], rtol=1e-4, atol=1e-6)
+
+
+def test_two_equal_paints_share_their_probability(paints):
+    red = paints[2]
+    twin = Pigment("Twin", GRID, red.absorption, red.scattering)
+    spectra = films_of(paints, [{2: 1.0}], np.array([UNIT]))
+    found = identify(spectra, GRID, [*paints[:3], twin], grounds=GROUNDS, max_paints=1)
+    np.testing.assert_allclose(found.probability[0, :2], 0.5, atol=0.01)
+    assert {found.ranked(0)[0].paints, found.ranked(0)[1].paints} == {("Vermillion",), ("Twin",)}
+
+
+def test_what_no_paint_explains_is_said_so(blind):
+    found = blind[-1]
+    assert not found.explained[-1]
+    assert "nothing in the catalogue explains this" in found.words(len(found) - 1)
+
+
+def test_black_white_clear_and_opaque_give_numbers(blind):
+    found = blind[-1]
+    for values in (found.probability, found.none, found.amounts, found.rmse, found.paint_probability, found.gloss):
+        assert np.isfinite(values).all()
+    for row in (-3, -2):
+        assert "CobaltBlue" in found.ranked(len(found) + row)[0].paints
+
+
+def test_opaque_films_need_no_ground(paints):
+    thick = films_of(paints, [{0: 0.6, 2: 0.4}, {4: 1.0}], np.full(2, 1e-3))
+    found = identify(thick[:, 0], GRID, paints, grounds=None, max_paints=2)
+    assert {"ZincWhite", "Vermillion"} == set(found.ranked(0)[0].paints)
+    assert np.isnan(found.ranked(0)[0].thickness)
+    assert found.ranked(0)[0].fractions[0] == pytest.approx(0.6, abs=0.1)
+
+
+def test_a_45_0_instrument_sees_no_surface(paints):
+    film = Glaze([Layer(Mixture(paints[:3:2], [0.8, 0.2]), UNIT)], 0.9)
+    spectrum = np.asarray(reflectance(film, Bidirectional(45, 0)))
+    found = identify(spectrum, GRID, paints, grounds=0.9, geometry=Bidirectional(45, 0), max_paints=2)
+    first = found.ranked(0)[0]
+    assert set(first.paints) == {"ZincWhite", "Vermillion"}
+    assert first.fractions.max() == pytest.approx(0.8, abs=0.03)
+    assert first.rmse < 0.002
+
+
+def test_grounds_read_bare_are_turned_into_internal_ones():
+    inside = np.array([0.0, 0.3, 0.93])
+    for geometry in (Bidirectional(45, 0), None):
+        air = [float(reflectance(Glaze([], r), geometry or Hemispherical())[0]) for r in inside]
+        np.testing.assert_allclose(ground_from_air(np.array(air), geometry), inside, atol=1e-5)
+    with pytest.raises(ValueError, match="less than its surface alone"):
+        ground_from_air(np.array([0.01]))
+
+
+@pytest.mark.slow
+def test_films_over_measured_cards(paints):
+    k, s = (np.asarray(getattr(paints[2], what))[None] * UNIT for what in ("absorption", "scattering"))
+    found = identify_films(simulate_films(["red"], GRID, k, s), paints, max_paints=2)
+    assert isinstance(found, Identification)
+    assert found.ranked(0)[0].paints == ("Vermillion",)
+    assert found.words(0).startswith("red: ")
+
+
+@pytest.mark.slow
+def test_order_of_two_coats_is_found(paints):
+    spectra = []
+    for order in ((3, 4), (4, 3)):
+        coats = [Layer(paints[order[0]], 8e-6), Layer(paints[order[1]], 25e-6)]
+        spectra.append([np.asarray(reflectance(Glaze(coats, g), Hemispherical())) for g in (0.025, 0.93)])
+    found = identify(np.array(spectra), GRID, paints, grounds=GROUNDS, max_paints=2, layers=2)
+    for row, paints_down in enumerate((("CobaltBlue", "ChromeYellow"), ("ChromeYellow", "CobaltBlue"))):
+        first = found.ranked(row)[0]
+        assert first.paints == paints_down
+        assert first.coats == (0, 1)
+        assert first.fractions[0] == pytest.approx(8 / 33, abs=0.05)
+    assert found.probability[:, 0].min() > 0.5
+
+
+def test_bad_input_is_one_clear_error(paints):
+    good = np.full((1, GRID.size), 0.5)
+    for change, complaint in (
+        ({"spectra": good[:, :-1]}, "31 bands"),
+        ({"spectra": good * 100}, "divide percent by 100"),
+        ({"spectra": good * np.nan}, "must be a fraction"),
+        ({"pigments": []}, "catalogue is empty"),
+        ({"pigments": [paints[0], paints[0]]}, "two pigments of the catalogue"),
+        ({"max_paints": 4}, "1, 2 or 3"),
+        ({"layers": 3}, "one coat or two"),
+        ({"grounds": 1.2}, r"must lie in \[0, 1\]"),
+        ({"grounds": None, "layers": 2}, "two coats need to know the ground"),
+        ({"wavelengths": GRID + 300}, "does not cover the spectra"),
+        ({"names": ["a", "b"]}, "2 names were given for 1 spectra"),
+    ):
+        given: dict[str, Any] = {"spectra": good, "wavelengths": GRID, "pigments": paints, "grounds": 0.9} | change
+        spectra, grid, known = (given.pop(what) for what in ("spectra", "wavelengths", "pigments"))
+        with pytest.raises(ValueError, match=complaint):
+            identify(spectra, grid, known, **given)
+    for make in (lambda: Discrepancy(amplitude=-1.0), lambda: Prior(unknown=0.0), lambda: Prior(thickness=25.0)):
+        with pytest.raises(ValueError, match=r"must be|lie between|metres"):
+            make()

@@ -1,0 +1,146 @@
+"""The parts of an identification, each against an independent calculation."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.special import logsumexp
+from scipy.stats import multivariate_normal
+
+from glazefit.candidates import Paints, amounts_grid, grow, sets_of, unique_best
+from glazefit.evidence import Discrepancy, model_covariance, noise_covariance, whiten
+from glazefit.identify_fit import Weights, fit_sets, inverse_small, log_prior
+from glazefit.identify_shades import ShadeLibrary
+from glazefit.identify_stacks import orders
+from glazefit.response import film_response
+from glazejax import Hemispherical
+from glazejax.io import read_spectra
+
+GRID = np.linspace(400.0, 700.0, 7)
+
+
+@pytest.mark.parametrize("size", [1, 2, 3])
+def test_small_inverse_is_numpys(size):
+    root = np.random.default_rng(size).standard_normal((size, size + 2))
+    matrix = root @ root.T
+    inverse, log_det = inverse_small(jnp.asarray(matrix))
+    np.testing.assert_allclose(inverse, np.linalg.inv(matrix), rtol=1e-9)
+    assert float(log_det) == pytest.approx(np.linalg.slogdet(matrix)[1], abs=1e-9)
+
+
+def test_whitened_density_is_that_of_the_gaussian():
+    d = Discrepancy()
+    fixed = noise_covariance(np.full((2, GRID.size), 0.002), 0.04, d)
+    scaled = model_covariance(GRID, 2, d, 0.01)
+    errors = whiten(fixed, scaled, d)
+    off = 0.01 * np.random.default_rng(0).standard_normal(2 * GRID.size)
+    density = errors.height - 0.5 * np.sum((errors.basis @ off) ** 2 / errors.variance, axis=-1)
+    share = np.log(np.array(d.weights) / sum(d.weights))
+    exact = [multivariate_normal(cov=fixed + scale**2 * scaled).logpdf(off) for scale in d.scales]
+    np.testing.assert_allclose(density, exact + share, rtol=1e-8)
+
+
+def test_prior_of_fractions_and_thickness_integrates_to_one():
+    u = np.linspace(-14.0, 6.0, 401)
+    grid = np.stack(np.meshgrid(u, u, indexing="ij"), axis=-1).reshape(-1, 2)
+    density = jax.vmap(lambda logs: log_prior(logs, jnp.ones(2, bool), jnp.asarray(0.7), jnp.asarray(1.0)))(
+        jnp.asarray(grid)
+    )
+    assert float(np.exp(density).sum() * (u[1] - u[0]) ** 2) == pytest.approx(1.0, abs=2e-3)
+
+
+@pytest.fixture(scope="module")
+def problem():
+    """One film of two paints, its errors, and the paints."""
+    k = np.array([0.02 + 2.0 * np.exp(-(((GRID - 450) / 60) ** 2)), 0.02 + 1.5 * np.exp(-(((GRID - 620) / 60) ** 2))])
+    paints = Paints(jnp.asarray(k), jnp.full(k.shape, 1.5))
+    response = film_response(Hemispherical())
+    ground = np.array([[0.03], [0.9]]) * np.ones((2, GRID.size))
+    body = np.asarray(
+        response.body(jnp.asarray(0.7 * k[0] + 0.5 * k[1]), jnp.full(GRID.size, 1.8), jnp.asarray(ground))
+    )
+    d = Discrepancy(scales=(1.0,), weights=(1.0,))
+    fixed = noise_covariance(np.full((1, 2, GRID.size), 0.004), 0.0, d)
+    errors = whiten(fixed, model_covariance(GRID, 2, d, 0.005)[None], d)
+    target = body.reshape(1, -1)
+    parts = (target, errors.basis, errors.variance, errors.height, np.full(1, 0.7), np.full(1, 1.0))
+    return response, paints, jnp.asarray(ground)[None], Weights(*(jnp.asarray(p) for p in parts))
+
+
+def test_evidence_is_the_integral_of_the_posterior(problem):
+    response, paints, ground, weights = problem
+    sets = jnp.asarray([[[0, 1]]], dtype=jnp.int32)
+    fitted = fit_sets(response, paints, sets, jnp.zeros((1, 1, 2)), ground, weights, 0)
+    np.testing.assert_allclose(np.exp(fitted.logs[0, 0]), [0.7, 0.5], rtol=0.03)
+    sd = np.sqrt(np.diagonal(fitted.covariance[0, 0]))
+    centre = np.asarray(fitted.logs[0, 0])
+    offsets = np.linspace(-6.0, 6.0, 81)
+    points = centre + sd * np.stack(np.meshgrid(offsets, offsets, indexing="ij"), axis=-1).reshape(-1, 2)
+    total = np.asarray(jax.jit(jax.vmap(lambda logs: _log_joint(logs, problem)))(jnp.asarray(points)))
+    volume = np.log(np.prod(sd) * (offsets[1] - offsets[0]) ** 2)
+    assert float(fitted.log_evidence[0, 0]) == pytest.approx(logsumexp(total) + volume, abs=0.05)
+
+
+def _log_joint(logs, problem):
+    response, paints, ground, weights = problem
+    amounts = jnp.exp(logs)
+    off = weights.target[0] - response.body(amounts @ paints.absorption, amounts @ paints.scattering, ground[0]).ravel()
+    misfit = jnp.sum((weights.basis[0] @ off) ** 2 / weights.variance[0, 0])
+    total = jnp.log(jnp.sum(amounts))
+    prior = -0.5 * (total / 0.7) ** 2 - np.log(0.7 * np.sqrt(2 * np.pi)) + jnp.sum(logs - total)
+    return weights.height[0, 0] - 0.5 * misfit + prior
+
+
+def test_sets_grids_and_orders_are_complete():
+    assert len(sets_of(20, 3)) == 1140
+    assert (np.diff(sets_of(6, 3), axis=1) > 0).all()
+    assert amounts_grid(2, 0.7).shape[1] == 2
+    assert {tuple(o) for o in orders(2).tolist()} == {(0, 1), (1, 0)}
+    assert len(orders(3)) == 6
+
+
+def test_triples_grow_from_pairs_without_repeating_a_paint():
+    sets, tries = grow(np.array([[[0, 1], [1, 3]]]), np.ones((1, 2, 2)), 5)
+    assert sets.shape == (1, 6, 3)
+    assert tries.shape[:2] == (1, 6)
+    assert all(len(set(members)) == 3 for members in sets[0].tolist())
+    kept = unique_best(sets[0], np.arange(6.0), 6)
+    assert len(kept) == len({tuple(sorted(members)) for members in sets[0].tolist()})
+
+
+def _shades(paints=12, seed=0):
+    """Dilutions of made-up paints under lights that differ."""
+    rng = np.random.default_rng(seed)
+    grid = np.linspace(400.0, 900.0, 60)
+    peaks = rng.uniform(420, 880, (paints, 2, 1))
+    shape = np.exp(-(((grid - peaks) / 60.0) ** 2)).sum(axis=1) + 0.1
+    strength = np.array([2.0, 1.2, 0.7, 0.35])[:, None] * np.exp(0.1 * rng.standard_normal((paints, 4, 1)))
+    light = np.exp(0.1 * rng.standard_normal((paints, 4, 1)))
+    return grid, light * np.exp(-strength * shape[:, None]) * np.exp(0.01 * rng.standard_normal((paints, 4, 60)))
+
+
+def test_paints_of_another_strength_are_found():
+    grid, spectra = _shades()
+    names = [f"paint {i}" for i in range(len(spectra))]
+    match = ShadeLibrary(names, grid, spectra[:, [0, 1, 3]]).match(spectra[:, 2])
+    assert match.best == names
+    np.testing.assert_allclose(match.probability.sum(axis=1), 1.0)
+
+
+def test_a_shade_library_refuses_what_it_cannot_use():
+    grid, spectra = _shades(3)
+    with pytest.raises(ValueError, match="two shades of each paint"):
+        ShadeLibrary(["a", "b", "c"], grid, spectra[:, :1])
+    with pytest.raises(ValueError, match="same name"):
+        ShadeLibrary(["a", "a", "c"], grid, spectra)
+    with pytest.raises(ValueError, match="60 bands"):
+        ShadeLibrary(["a", "b", "c"], grid, spectra).match(spectra[:, 0, :-1])
+
+
+@pytest.mark.slow
+def test_shades_of_printed_charts_beat_the_spectral_angle(shared_data):
+    table = read_spectra(shared_data / "hyppigments" / "speclib_averages.hdr")
+    spectra = table.reflectance.reshape(398, 4, -1)
+    names = [name.rpartition("_")[0] for name in table.names[::4]]
+    match = ShadeLibrary(names, table.wavelengths, spectra[:, [0, 1, 2]]).match(spectra[:, 3])
+    assert np.mean(np.array(match.best) == np.array(names)) > 0.9  # nearest spectral angle: .417
