@@ -61,34 +61,43 @@ def small():
     return problem, film_response(Instrument().geometry), point
 
 
-def linearised(small):
-    problem, response, point = small
+def linearised(problem, response, point):
     _, tangent = jax.linearize(lambda y: residuals(y, (problem, response)), point)
     return lx.FunctionLinearOperator(tangent, jax.eval_shape(lambda: point))
 
 
+@pytest.fixture(scope="module")
 def dense_jacobian(small):
     problem, response, point = small
     flat, unravel = ravel_pytree(point)
-    return jax.jacfwd(lambda y: ravel_pytree(residuals(unravel(y), (problem, response)))[0])(flat)
+    jacobian = jax.jit(jax.jacfwd(lambda y: ravel_pytree(residuals(unravel(y), (problem, response)))[0]))
+    return np.asarray(jacobian(flat))
 
 
-def test_steps_equal_a_dense_solve(small):
-    problem, response, point = small
-    solver = JointSteps(problem.curvature.T @ problem.curvature, problem.stiffness)
-    right = residuals(point, (problem, response))
-    step = lx.linear_solve(linearised(small), right, solver).value
-    jacobian = dense_jacobian(small)
-    expected = np.linalg.lstsq(jacobian, ravel_pytree(right)[0], rcond=None)[0]
+def test_steps_equal_a_dense_solve(small, dense_jacobian):
+    @jax.jit
+    def solve(problem, response, point):
+        solver = JointSteps(problem.curvature.T @ problem.curvature, problem.stiffness)
+        right = residuals(point, (problem, response))
+        return right, lx.linear_solve(linearised(problem, response, point), right, solver).value
+
+    right, step = solve(*small)
+    expected = np.linalg.lstsq(dense_jacobian, ravel_pytree(right)[0], rcond=None)[0]
     np.testing.assert_allclose(ravel_pytree(step)[0], expected, rtol=1e-6, atol=1e-8)
 
 
-def test_covariance_equals_the_dense_inverse(small):
-    problem, _, point = small
-    steps = JointSteps(problem.curvature.T @ problem.curvature, problem.stiffness)
-    local, shared = covariance(factorise(normal_matrix(linearised(small), steps.curvature, steps.stiffness)), GRID.size)
-    jacobian = np.asarray(dense_jacobian(small))
-    inverse = np.linalg.inv(jacobian.T @ jacobian)
+def test_covariance_equals_the_dense_inverse(small, dense_jacobian):
+    _, _, point = small
+
+    @jax.jit
+    def both(problem, response, point):
+        normal = normal_matrix(
+            linearised(problem, response, point), problem.curvature.T @ problem.curvature, problem.stiffness
+        )
+        return covariance(factorise(normal), GRID.size)
+
+    local, shared = both(*small)
+    inverse = np.linalg.inv(dense_jacobian.T @ dense_jacobian)
     count = point.bands.size
     for band in range(GRID.size):
         rows = slice(6 * band, 6 * band + 6)
@@ -150,7 +159,7 @@ def test_heavy_tail_is_students_t():
     np.testing.assert_allclose(
         heavy_tail(jnp.asarray(x), jnp.asarray(3.0)) ** 2, 2 * (t.logpdf(0, 3) - t.logpdf(x, 3)), atol=1e-9
     )
-    assert np.all(np.isfinite(jax.vmap(jax.grad(lambda v: heavy_tail(v, jnp.asarray(3.0))))(jnp.asarray(x))))
+    assert np.all(np.isfinite(jax.jit(jax.vmap(jax.grad(lambda v: heavy_tail(v, jnp.asarray(3.0)))))(jnp.asarray(x))))
 
 
 def test_laws():
