@@ -183,12 +183,12 @@ def _refined(task: Task, bench: Bench, aims: Aims, rough: Stacks) -> Stacks:
         children = grown(bench, aims, parents, max_paints=task.max_paints, max_layers=task.max_layers)
         children = better(children.best(lambda coats, paints: _CHILDREN))
         stacks = Stacks.join([stacks, better(children.best(lambda coats, paints: _KEEP_REFINED))])
-    lean = better(simplified(bench, stacks))
-    single, several = stacks.take(np.flatnonzero(stacks.coats == 1)), stacks.take(np.flatnonzero(stacks.coats > 1))
-    # The table is exact for one coat only.
-    several = Stacks.join([several, lean.take(np.flatnonzero(lean.coats > 1))])
-    several = refine_solved(bench, task.optics, aims, several.best(lambda coats, paints: _KEEP_SOLVED), task.slots)
-    return Stacks.join([single, lean.take(np.flatnonzero(lean.coats == 1)), several])
+    pool = Stacks.join([stacks, better(simplified(bench, stacks))])
+    # The table is exact for one coat, but from far away a colour's own metric leads a little astray.
+    settled = (pool.coats == 1) & (pool.cost < IN_GAMUT**2)
+    rest = pool.take(np.flatnonzero(~settled)).best(lambda coats, paints: _KEEP_SOLVED)
+    rest = refine_solved(bench, task.optics, aims, rest, task.slots)
+    return Stacks.join([pool.take(np.flatnonzero(settled)), rest])
 
 
 def _finish(task: Task, bench: Bench, aims: Aims, stacks: Stacks, targets: range) -> list[list[Recipe]]:
