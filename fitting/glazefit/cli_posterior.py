@@ -286,7 +286,10 @@ def _write(result: "Posterior", out: Path, console: "Console") -> None:
 
     print_posterior(result, console)
     write_summary(result, out / SUMMARY, overwrite=True)
-    result.inference_data.to_netcdf(str(out / DATA))
+    # A notebook may have the old file open: put a new one in its place.
+    fresh = out / f"{DATA}.part"
+    result.inference_data.to_netcdf(str(fresh))
+    fresh.replace(out / DATA)
     plot_corner(result, out / CORNER)
     plot_bands(result, out / BANDS)
     kept = [CHAIN] if result.chain is not None else []

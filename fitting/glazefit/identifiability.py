@@ -12,8 +12,8 @@ from jaxtyping import Bool, Float
 
 from .result import ABSOLUTE_LIMIT, RELATIVE_LIMIT
 
-OPEN = 0.5
-"""A direction with this share of the prior's variance, or more, is open."""
+OPEN = 0.25
+"""A direction with this share of the prior's variance, half of its width, or more, is open."""
 
 TIED = 0.95
 """Unknowns correlated as much as this are known together better than each by itself."""

@@ -22,8 +22,9 @@ from .films import Films, Instrument, Noise
 from .gloss import estimate_gloss
 from .identifiability import Identifiability, of_bands, of_paints
 from .posterior_bands import pose_bands
+from .posterior_errors import pose_errors
 from .posterior_film import FilmPrior, pose_films
-from .posterior_laplace import Laplace, laplace
+from .posterior_laplace import Laplace, find_modes, laplace
 from .posterior_problem import Problem
 from .posterior_reading import Reading, readings
 from .posterior_summary import Row, compare, numbers
@@ -191,8 +192,9 @@ def posterior_of_film(
     instrument, prior = instrument or Instrument(), prior or FilmPrior()
     reading = one_reading(film, instrument, noise or Noise())
     problem = pose_films([reading], [paints], instrument, prior)
+    problem, found = pose_errors(problem, [reading], instrument, prior, seed=seed)
     options = {"steps": steps, "walkers": walkers, "thin": thin, "seed": seed, "progress": progress}
-    return sample(problem, (reading,), path=path, resume=resume, overwrite=overwrite, **options)
+    return sample(problem, (reading,), found, path=path, resume=resume, overwrite=overwrite, **options)
 
 
 def posterior_of_bands(
@@ -226,13 +228,15 @@ def posterior_of_bands(
     if gloss is None:
         gloss = float(estimate_gloss(film, instrument, noise)[0]) if isinstance(film, Films) else 1.0
     problem = pose_bands(reading, gloss, instrument)
+    found = find_modes(problem, seed=seed)
     options = {"steps": steps, "walkers": walkers, "thin": thin, "seed": seed, "progress": progress}
-    return sample(problem, (reading,), path=path, resume=resume, overwrite=overwrite, **options)
+    return sample(problem, (reading,), found, path=path, resume=resume, overwrite=overwrite, **options)
 
 
 def sample(
     problem: Problem,
     films: tuple[Reading, ...],
+    found: Float[np.ndarray, "blocks starts dims"],
     *,
     steps: int,
     walkers: int,
@@ -243,10 +247,10 @@ def sample(
     overwrite: bool = False,
     progress: bool = False,
 ) -> Posterior:
-    """Sample a problem from draws of its Laplace approximation; with `steps` 0 that is all."""
+    """Sample a problem from draws of its Laplace approximation at the modes found; with `steps` 0 that is all."""
     if steps < 0:
         raise ValueError(f"{steps} steps were asked for; ask for some thousands, or for 0 to sample nothing")
-    approximate = laplace(problem, seed=seed)
+    approximate = laplace(problem, found, seed=seed)
     if steps == 0:
         return Posterior(problem, films, approximate, None)
     from .chain import run_chain

@@ -4,16 +4,18 @@ The mixture's k and s are the paints' sums, weighted by fraction, times the thic
 beforehand, thickness log-normal, gloss uniform in [0, 1].
 
 A catalogue never fits to the noise. Its error is a relative one: log k and log s of the mixture are each off by a
-smooth random function of wavelength, Gaussian with a Matérn-3/2 correlation, (1 + x) exp(-x), x = sqrt(3)|l - l'| /
-length, which forgives sharper errors than a smoother law. Their standard deviation is itself unknown: the model error,
-log-normal beforehand. To first order the readings over all grounds then err by
+smooth random function of wavelength, delta, Gaussian with a Matérn-3/2 correlation, K = (1 + x) exp(-x) with
+x = sqrt(3)|l - l'| / length, which forgives sharper errors than a smoother law. Their standard deviation is itself
+unknown: the model error e, log-normal beforehand.
 
-    C = diag(sd^2 + (dR/d rho)^2 ground_sd^2) + error^2 B,     B = Jk K Jk^T + Js K Js^T
+The errors, two a band, are integrated out. About their likeliest values delta* readings are linear in them,
+f(mixture, delta) = f(mixture, delta*) + J (delta - delta*), so that a mixture's readings are Gaussian with
 
-with slopes J by log k and log s, taken at the film's own k d and s d, which its readings tell band by band
-(`glazefit.posterior_bands`) whatever the catalogue says. With W that makes the first part unity and B diagonal, b, the
-residuals are W (reading - fitted) / sqrt(1 + error^2 b) and the log-determinant is that of 1 + error^2 b: sampling
-needs no factorisation.
+    mean f(mixture, delta*) - J delta*,     covariance C = diag(v) + e^2 J K J^T
+
+and variances v by noise and grounds. With W that makes diag(v) unity and J K J^T diagonal, b, the residuals are
+W (reading - mean) / sqrt(1 + e^2 b) and the determinant is that of 1 + e^2 b: sampling needs no factorisation.
+`glazefit.posterior_errors` finds delta* and J.
 """
 
 import functools
@@ -30,8 +32,7 @@ from scipy.special import expit, polygamma
 from glazejax import Pigment
 
 from .films import Instrument
-from .posterior_bands import join_bands, pose_bands, reading_parts
-from .posterior_laplace import find_modes
+from .posterior_bands import reading_parts
 from .posterior_problem import Problem, Quantity, fingerprint, root_of_log1p, uniform_residual
 from .posterior_reading import Reading
 from .response import FilmResponse, film_response
@@ -75,7 +76,9 @@ class FilmData(NamedTuple):
     scattering: Float[Array, "*blocks bands paints"]
     reading: Float[Array, "*blocks bands grounds"]
     ground: Float[Array, "*blocks bands grounds"]
-    whiten: Float[Array, "*blocks rows rows"]
+    shift: Float[Array, "*blocks 2 bands"]  # delta*, of log k and of log s
+    offset: Float[Array, "*blocks bands grounds"]  # -J delta*
+    whiten: Float[Array, "*blocks rows rows"]  # W
     spread: Float[Array, "*blocks rows"]  # roots of b
 
 
@@ -109,20 +112,25 @@ def mixture(free: Float[Array, "dims"], data: FilmData) -> tuple[Float[Array, "b
     return data.absorption @ amounts, data.scattering @ amounts
 
 
-def fitted(free: Float[Array, "dims"], data: FilmData, shared: FilmShared) -> Float[Array, "bands grounds"]:
-    """What the instrument reads."""
-    k, s = mixture(free, data)
+def surface(free: Float[Array, "dims"], data: FilmData, shared: FilmShared) -> Float[Array, ""]:
+    """What the surface adds to a reading."""
     paints = data.absorption.shape[-1]
-    gloss = jax.nn.sigmoid(free[paints]) if free.shape[-1] > paints + 1 else 1.0
-    black, gain, back = (a[:, None] for a in shared.response.numbers(k, s))
-    return gloss * shared.surface + black + gain * data.ground / (1.0 - back * data.ground)
+    return shared.surface * jax.nn.sigmoid(free[paints]) if free.shape[-1] > paints + 1 else shared.surface
+
+
+def fitted(free: Float[Array, "dims"], data: FilmData, shared: FilmShared) -> Float[Array, "bands grounds"]:
+    """What the instrument would read if the catalogue had no error."""
+    k, s = (a[:, None] for a in mixture(free, data))
+    return surface(free, data, shared) + shared.response.body(k, s, data.ground)
 
 
 def residuals(free: Float[Array, "dims"], data: FilmData, shared: FilmShared) -> Float[Array, "rows"]:
     """Misfit, log-determinant and prior of one film."""
     paints = data.absorption.shape[-1]
+    k, s = (a[:, None] for a in jnp.stack(mixture(free, data)) * jnp.exp(data.shift))
+    mean = surface(free, data, shared) + shared.response.body(k, s, data.ground) + data.offset
     root = jnp.exp(free[-1]) * data.spread
-    misfit = data.whiten @ (data.reading - fitted(free, data, shared)).reshape(-1) / jnp.sqrt(1.0 + root**2)
+    misfit = data.whiten @ (data.reading - mean).reshape(-1) / jnp.sqrt(1.0 + root**2)
     normal = jnp.stack(
         [free[paints - 1] / shared.thickness_spread, (free[-1] - shared.log_error) / shared.error_spread]
     )
@@ -135,62 +143,17 @@ def residuals(free: Float[Array, "dims"], data: FilmData, shared: FilmShared) ->
     return jnp.concatenate(parts)
 
 
-@jax.jit
-def _slopes(
-    log_k: Float[Array, "*n 1"], log_s: Float[Array, "*n 1"], ground: Float[Array, "*n g"], table: FilmResponse
-):
-    """Slopes of the readings by log k d, log s d and the ground, each (..., grounds)."""
-
-    def total(log_k: Array, log_s: Array, ground: Array) -> Array:
-        return jnp.sum(table.body(jnp.exp(log_k), jnp.exp(log_s), ground))
-
-    both = (jnp.broadcast_to(a, ground.shape) for a in (log_k, log_s))
-    return jax.grad(total, argnums=(0, 1, 2))(*both, ground)
-
-
-def _own_slopes(films: Sequence[Reading], instrument: Instrument) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Slopes at the k d and s d that each band's readings are likeliest to come from, (films, bands, grounds)."""
-    # No film reflects less than its surface; a darker one has lost part of that.
-    seen = instrument.seen_surface
-    gloss = [min(1.0, float(film.reflectance.min()) / seen) if seen else 1.0 for film in films]
-    bands = join_bands([pose_bands(film, g, instrument) for film, g in zip(films, gloss, strict=True)])
-    free = find_modes(bands)[:, 0].reshape(len(films), -1, 2)
-    log_s = free[..., 1:]
-    ground = np.stack([film.ground for film in films])
-    by_k, by_s, by_ground = (np.asarray(a) for a in _slopes(free[..., :1] + log_s, log_s, ground, bands.shared))
-    return by_k, by_s, by_ground
-
-
-def _errors(
-    films: Sequence[Reading], instrument: Instrument, length: float
-) -> tuple[Float[np.ndarray, "films rows rows"], Float[np.ndarray, "films rows"]]:
-    """The films' W and the roots of their b."""
-    by_k, by_s, by_ground = _own_slopes(films, instrument)
-    variance = np.stack([f.sd**2 for f in films]) + (by_ground * np.stack([f.ground_sd for f in films])) ** 2
-    grid = films[0].wavelengths
-    away = np.sqrt(3.0) * np.abs(grid[:, None] - grid) / length
-    smooth = (1.0 + away) * np.exp(-away)
-    scaled = [slope / np.sqrt(variance) for slope in (by_k, by_s)]
-    rows = variance[0].size
-    model = sum(np.einsum("fbg,bc,fch->fbgch", j, smooth, j) for j in scaled)
-    spread, axes = np.linalg.eigh(np.reshape(model, (len(films), rows, rows)))
-    # Each axis's sign is free; fix it so that the same film always gives the same numbers.
-    axes = axes * np.sign(np.take_along_axis(axes, np.abs(axes).argmax(axis=1)[:, None], axis=1))
-    whiten = np.swapaxes(axes, 1, 2) / np.sqrt(variance.reshape(len(films), 1, rows))
-    return whiten, np.sqrt(np.maximum(spread, 0.0))
-
-
 def pose_films(
     films: Sequence[Reading], paints: Sequence[Sequence[Pigment]], instrument: Instrument, prior: FilmPrior
 ) -> Problem:
-    """Problem of one film or of several with as many paints each.
+    """Problem of one film or of several with as many paints each, without the model's error yet.
 
     Raises:
         ValueError: no paint or too many, a paint listed twice, or paints that do not cover the film's wavelengths.
     """
     grid, count = films[0].wavelengths, len(paints[0])
     sets = [check_paints(film, chosen) for film, chosen in zip(films, paints, strict=True)]
-    whiten, spread = _errors(films, instrument, prior.error_length)
+    count_films, (bands, grounds) = len(films), films[0].reflectance.shape
 
     def gather(what: str) -> Array:
         values = [np.stack([np.asarray(getattr(p, what)) for p in chosen], axis=-1) for chosen in sets]
@@ -201,8 +164,10 @@ def pose_films(
         gather("scattering"),
         jnp.asarray(np.stack([f.reflectance for f in films])),
         jnp.asarray(np.stack([f.ground for f in films])),
-        jnp.asarray(whiten),
-        jnp.asarray(spread),
+        jnp.zeros((count_films, 2, bands)),
+        jnp.zeros((count_films, bands, grounds)),
+        jnp.asarray(np.stack([np.eye(bands * grounds) / f.sd.ravel() for f in films])),
+        jnp.zeros((count_films, bands * grounds)),
     )
     numbers = (instrument.seen_surface, prior.thickness_spread, prior.concentration, np.log(prior.error))
     shared = FilmShared(

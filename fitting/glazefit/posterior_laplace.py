@@ -108,8 +108,12 @@ def _curvature(residuals: Any, data: Any, shared: Any, modes: Float[Array, "bloc
 
 def find_modes(problem: Problem, *, starts: int = 8, seed: int = 0) -> Float[np.ndarray, "blocks starts dims"]:
     """Where each start of each block ends, best first; a start is the likeliest of many draws of the prior."""
-    blocks = len(problem.blocks)
-    first = _starts(problem, starts, seed)
+    return climb(problem, _starts(problem, starts, seed))
+
+
+def climb(problem: Problem, first: Float[np.ndarray, "blocks starts dims"]) -> Float[np.ndarray, "blocks starts dims"]:
+    """Where least squares leads from some points, best first."""
+    blocks, starts, _ = first.shape
     batch = max(1, problem.chunk * blocks // starts)
     found = np.array(_climb(problem.residuals, problem.data, problem.shared, first, min(batch, blocks)))
     height = problem.log_probability(np.swapaxes(found, 0, 1)).T
@@ -127,17 +131,18 @@ def _starts(problem: Problem, starts: int, seed: int) -> Float[np.ndarray, "bloc
     return tried[(best + _DRAWS_A_START * np.arange(starts)[:, None]).T]
 
 
-def laplace(problem: Problem, *, starts: int = 8, seed: int = 0, draws: int = 1000) -> Laplace:
+def laplace(
+    problem: Problem, found: Float[np.ndarray, "blocks starts dims"], *, seed: int = 0, draws: int = 1000
+) -> Laplace:
     """Laplace's approximation of every block.
 
     Args:
         problem: what is sampled.
-        starts: points from which modes are sought.
-        seed: of the starts, and of the draws that test the result.
+        found: its modes, best first, as `find_modes` gives them.
+        seed: of the draws that test the result.
         draws: of that test.
     """
-    found = find_modes(problem, starts=starts, seed=seed)
-    blocks = len(problem.blocks)
+    blocks, starts, _ = found.shape
     batch = min(blocks, max(1, problem.chunk * blocks // (starts * problem.dims)))
     hessians = np.asarray(_curvature(problem.residuals, problem.data, problem.shared, found, batch))
     covariances = _inverse(hessians, problem.prior_covariance)

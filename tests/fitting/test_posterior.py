@@ -1,0 +1,276 @@
+import jax
+import numpy as np
+import pytest
+
+from glazefit import (
+    FilmPrior,
+    Films,
+    Instrument,
+    Noise,
+    over_ground,
+    posterior_of_bands,
+    posterior_of_film,
+    simulate_films,
+)
+from glazefit.posterior_bands import join_bands, pose_bands, prior_covariance, prior_draws
+from glazefit.posterior_errors import pose_errors
+from glazefit.posterior_film import pose_films
+from glazefit.posterior_laplace import find_modes, laplace
+from glazefit.posterior_problem import log_probability, root_of_log1p, uniform_residual
+from glazefit.posterior_reading import readings
+from glazejax import Hemispherical, Pigment
+
+GRID = np.arange(400.0, 701.0, 20.0)
+INSTRUMENT, NOISE = Instrument(), Noise()
+
+
+def paint(name: str, absorption, scattering) -> Pigment:
+    ones = np.ones(GRID.size)
+    return Pigment(name, GRID, absorption * ones, scattering * ones)
+
+
+BLUE = paint("blue", np.geomspace(2e3, 2e5, GRID.size), 2e4)
+WHITE = paint("white", np.geomspace(2e3, 1e2, GRID.size), 4e5)
+
+
+def film_of(fraction: float, thickness: float = 20e-6, seed: int = 1) -> Films:
+    k, s = (
+        thickness * (fraction * np.asarray(getattr(BLUE, what)) + (1 - fraction) * np.asarray(getattr(WHITE, what)))
+        for what in ("absorption", "scattering")
+    )
+    return simulate_films(["film"], GRID, k[None], s[None], seed=seed)
+
+
+def uniform_film(k: float, s: float, seed: int = 2) -> Films:
+    return simulate_films(["film"], GRID, np.full((1, GRID.size), k), np.full((1, GRID.size), s), seed=seed)
+
+
+@pytest.fixture(scope="module")
+def mixed():
+    """A film of two paints, sampled."""
+    return posterior_of_film(film_of(0.3), [BLUE, WHITE], steps=3000, walkers=24)
+
+
+@pytest.fixture(scope="module")
+def banded():
+    """A film that is clear at one end and hides its card at the other, sampled band by band."""
+    k, s = np.geomspace(0.05, 8.0, GRID.size), np.geomspace(1.0, 40.0, GRID.size)
+    return posterior_of_bands(simulate_films(["film"], GRID, k[None], s[None], seed=4), steps=3000, walkers=24)
+
+
+def rows(posterior) -> dict:
+    return {(row.quantity, row.block): row for row in posterior.summary()}
+
+
+def test_truth_is_found_and_laplace_agrees(mixed):
+    found = {row.quantity: row for row in mixed.summary()}
+    assert mixed.converged
+    assert found["fraction blue"].mean == pytest.approx(0.3, abs=4 * found["fraction blue"].sd)
+    assert found["thickness"].mean == pytest.approx(20e-6, abs=4 * found["thickness"].sd)
+    assert found["fraction blue"].sd < 0.02
+    assert found["fraction blue"].laplace == "agrees"
+    assert found["fraction blue"].laplace_sd == pytest.approx(found["fraction blue"].sd, rel=0.25)
+    # The film was made without an error of the paints.
+    assert found["model error"].upper < 0.05
+
+
+def test_fractions_sum_to_one(mixed):
+    np.testing.assert_allclose(mixed.draws["fraction blue"] + mixed.draws["fraction white"], 1.0, rtol=1e-12)
+
+
+def test_bands_equal_a_sum_over_a_grid(banded):
+    """The chain's mean and spread of log k/s and log s d, against a dense sum over both."""
+    problem = banded.problem
+    for band in (1, GRID.size // 2, GRID.size - 1):
+        draws = banded.free[:, :, band].reshape(-1, 2)
+        centre, spread = draws.mean(axis=0), draws.std(axis=0)
+        axes = [np.linspace(c - 7 * d, c + 7 * d, 301) for c, d in zip(centre, spread, strict=True)]
+        grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 1, 2)
+        data = jax.tree.map(lambda a, b=band: a[b : b + 1], problem.data)
+        weight = np.asarray(log_probability(problem.residuals, data, problem.shared, grid, 10_000))[:, 0]
+        weight = np.exp(weight - weight.max())
+        weight /= weight.sum()
+        mean = weight @ grid[:, 0]
+        sd = np.sqrt(weight @ (grid[:, 0] - mean) ** 2)
+        error = sd / np.sqrt(banded.convergence.samples[band])
+        assert np.all(np.abs(centre - mean) < 5 * error), band
+        np.testing.assert_allclose(spread, sd, rtol=0.15)
+
+
+def test_only_the_ratio_is_known_where_the_card_is_hidden(banded):
+    sentences = banded.identifiability.sentences
+    assert len(sentences) == 1
+    assert "700 nm: only k/s is known" in sentences[0]
+    assert "400" not in sentences[0]
+    # The direction left open is that of s d at a given k/s.
+    shares, vectors = banded.identifiability.shares[-1], banded.identifiability.directions[-1]
+    assert shares[0] < 1e-3 < 0.05 < shares[1]
+    assert abs(vectors[1, 1]) > 0.9
+
+
+def test_summary_names_where_laplace_fails(banded):
+    table = rows(banded)
+    assert table["absorption", "400 nm"].laplace == "agrees"
+    assert table["scattering", "700 nm"].laplace != "agrees"
+
+
+def test_prior_is_what_the_log_probability_says():
+    """Density of the prior's draws against the prior's residuals: means of a few functions, by a sum over a grid."""
+    reading = readings(uniform_film(1.0, 1.0), INSTRUMENT, NOISE)[0]
+    problem = pose_bands(reading, 1.0, INSTRUMENT)
+    logs = np.linspace(-25, 30, 700)
+    grid = np.stack(np.meshgrid(logs, logs, indexing="ij"), axis=-1).reshape(-1, 2)
+    one = jax.tree.map(lambda a: a[:1], problem.data)
+    rest = np.asarray(log_probability(problem.residuals, one, problem.shared, grid[:, None], 20_000))[:, 0]
+    data = np.asarray(log_probability(problem.residuals, one, problem.shared, grid[:, None], 20_000, -2))[:, 0]
+    # Free unknowns are log k/s and log s.
+    density = np.exp(rest - data)
+    density /= density.sum()
+    draws = prior_draws(np.random.default_rng(3), 100_000)
+    for function in (lambda f: f[:, 0], lambda f: f[:, 1], lambda f: f[:, 1] ** 2, lambda f: f[:, 0] * f[:, 1]):
+        values = function(draws)
+        expected = density @ function(grid)
+        assert values.mean() == pytest.approx(expected, abs=5 * values.std() / np.sqrt(len(values)) + 0.02)
+    np.testing.assert_allclose(np.cov(draws, rowvar=False), prior_covariance(), rtol=0.03, atol=0.2)
+
+
+def test_prior_of_films_is_what_the_log_probability_says():
+    """Laplace's own test on the prior alone would fail; its importance weights of prior draws must not vary."""
+    prior = FilmPrior()
+    problem = pose_films(readings(film_of(0.3), INSTRUMENT, NOISE), [[BLUE, WHITE]], INSTRUMENT, prior)
+    free = problem.prior_draws(np.random.default_rng(0), 4000)
+    log_prior = problem.log_probability(free[:, None])[:, 0] - problem.log_likelihood(free[:, None])[:, 0]
+    fraction = 1.0 / (1.0 + np.exp(-free[:, 0]))
+    gloss = 1.0 / (1.0 + np.exp(-free[:, 2]))
+    expected = (
+        np.log(fraction * (1 - fraction))
+        - 0.5 * (free[:, 1] / prior.thickness_spread) ** 2
+        + np.log(gloss * (1 - gloss))
+        - 0.5 * ((free[:, 3] - np.log(prior.error)) / prior.error_spread) ** 2
+    )
+    np.testing.assert_allclose(log_prior, expected, atol=1e-6)
+    np.testing.assert_allclose(np.cov(free, rowvar=False), problem.prior_covariance, atol=0.25)
+
+
+def test_likelihood_is_the_gaussian_it_is_said_to_be():
+    """W, b and the offset against the covariance diag(v) + e^2 J K J^T written out."""
+    prior = FilmPrior()
+    films = readings(film_of(0.3), INSTRUMENT, NOISE)
+    problem, found = pose_errors(pose_films(films, [[BLUE, WHITE]], INSTRUMENT, prior), films, INSTRUMENT, prior)
+    data = problem.data
+    root = np.linalg.inv(np.asarray(data.whiten[0]))
+    part = root * np.asarray(data.spread[0])
+    points = found[0, 0] + np.random.default_rng(1).normal(size=(5, 4)) * 0.01
+    expected = []
+    for point in points:
+        shifted = problem.data._replace(
+            absorption=data.absorption * np.exp(data.shift[:, 0])[..., None],
+            scattering=data.scattering * np.exp(data.shift[:, 1])[..., None],
+        )
+        mean = np.asarray(problem.fitted(point, jax.tree.map(lambda a: a[0], shifted), problem.shared))
+        off = (films[0].reflectance - mean - np.asarray(data.offset[0])).ravel()
+        covariance = root @ root.T + np.exp(2 * point[-1]) * part @ part.T
+        expected.append(-0.5 * (off @ np.linalg.solve(covariance, off) + np.linalg.slogdet(covariance)[1]))
+    got = problem.log_likelihood(points[:, None])[:, 0]
+    np.testing.assert_allclose(got - got[0], np.array(expected) - expected[0], rtol=1e-6, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("k", "s"), [(0.0, 1e-6), (1e-4, 1e-4), (60.0, 1e-3), (1e-3, 300.0), (90.0, 300.0), (5.0, 0.0)]
+)
+def test_odd_films_stay_finite(k, s):
+    result = posterior_of_bands(uniform_film(k, s), steps=60, walkers=12, thin=1)
+    assert all(np.isfinite(values).all() for values in result.draws.values())
+    assert np.isfinite(result.chain.log_probability).all()
+    for row in result.summary():
+        assert np.isfinite([row.mean, row.sd, row.lower, row.upper, row.laplace_mean, row.laplace_sd]).all()
+
+
+def test_odd_films_of_paints_stay_finite():
+    for film in (uniform_film(0.0, 1e-6), uniform_film(80.0, 1e-3), uniform_film(1e-3, 300.0)):
+        result = posterior_of_film(film, [BLUE, WHITE], steps=60, walkers=12, thin=1)
+        assert all(np.isfinite(values).all() for values in result.draws.values())
+
+
+@pytest.mark.slow
+def test_opaque_film_of_one_paint_leaves_its_thickness_open():
+    result = posterior_of_film(film_of(1.0, thickness=400e-6), [BLUE], steps=1500, walkers=16)
+    assert any("thickness" in sentence for sentence in result.identifiability.sentences)
+
+
+@pytest.mark.slow
+def test_one_spectrum_over_a_known_ground():
+    films = film_of(0.3)
+    single = over_ground(GRID, films.over_white[0], 0.93, name="single")
+    result = posterior_of_film(single, [BLUE, WHITE], steps=0)
+    fraction = rows(result)["fraction blue", "single"]
+    assert np.isfinite(fraction.sd)
+    assert result.chain is None
+    assert not result.converged
+    assert "nothing was sampled" in result.words()
+
+
+@pytest.mark.slow
+def test_without_the_specular_part_there_is_no_gloss():
+    instrument = Instrument(Hemispherical(8.0, specular=False))
+    k, s = (20e-6 * np.asarray(a)[None] for a in (BLUE.absorption, BLUE.scattering))
+    films = simulate_films(["film"], GRID, k, s, instrument=instrument)
+    result = posterior_of_film(films, [BLUE], instrument=instrument, steps=0)
+    assert result.problem.unknowns == ("thickness", "model error")
+
+
+def test_blocks_are_independent_of_each_other():
+    films = readings(film_of(0.3), INSTRUMENT, NOISE) + readings(film_of(0.8, seed=5), INSTRUMENT, NOISE)
+    problems = [pose_bands(film, 1.0, INSTRUMENT) for film in films]
+    both = join_bands(problems)
+    free = prior_draws(np.random.default_rng(0), len(both.blocks))[None]
+    apart = [p.log_probability(free[:, part]) for p, part in zip(problems, (slice(0, 16), slice(16, 32)), strict=True)]
+    np.testing.assert_allclose(both.log_probability(free), np.concatenate(apart, axis=1), rtol=1e-12)
+
+
+def test_two_solutions_are_two_modes():
+    films = simulate_films(
+        ["x"], GRID, np.full((1, GRID.size), 2.3), np.full((1, GRID.size), 0.06), noise=Noise(1e-5, 0)
+    )
+    problem = pose_bands(readings(films, INSTRUMENT, Noise(1e-5, 0))[0], 1.0, INSTRUMENT)
+    result = laplace(problem, find_modes(problem))
+    assert np.isfinite(result.modes).all()
+    np.testing.assert_allclose(result.weights.sum(axis=1), 1.0)
+    assert (result.weights[:, 0] > 0).all()
+
+
+def test_residuals_of_densities():
+    x = np.array([0.0, 1e-8, 1e-3, 0.5, 30.0])
+    np.testing.assert_allclose(np.asarray(root_of_log1p(x)) ** 2, np.log1p(x**2), rtol=1e-9)
+    slope = jax.vmap(jax.grad(root_of_log1p))(x)
+    assert np.isfinite(slope).all()
+    assert slope[0] == pytest.approx(1.0)
+    share = 1 / (1 + np.exp(-1.3))
+    assert float(uniform_residual(np.float64(1.3))) ** 2 == pytest.approx(-2 * np.log(share * (1 - share)))
+
+
+def test_compiled_program_calls_no_library_for_linear_algebra():
+    problem = pose_bands(readings(film_of(0.3), INSTRUMENT, NOISE)[0], 1.0, INSTRUMENT)
+    free = np.zeros((4, len(problem.blocks), 2))
+    text = log_probability.lower(problem.residuals, problem.data, problem.shared, free, 100).as_text("hlo")
+    assert "lapack_" not in text
+    assert "gather" in text, "the table is missing: is this the program that runs?"
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: posterior_of_film(film_of(0.3), []), "0 paints were given"),
+        (lambda: posterior_of_film(film_of(0.3), [BLUE, BLUE]), "'blue' is listed twice"),
+        (lambda: posterior_of_film(film_of(0.3), [BLUE], steps=-1), "-1 steps"),
+        (lambda: posterior_of_bands(film_of(0.3), walkers=7), "7 walkers"),
+        (lambda: posterior_of_bands(film_of(0.3), steps=3), "3 steps are fewer"),
+        (lambda: posterior_of_bands(film_of(0.3), thin=0), "thin is 0"),
+        (lambda: FilmPrior(error=0.0), "error is 0"),
+        (lambda: over_ground(GRID, np.full(GRID.size, 0.5), 1.5), "must be in"),
+        (lambda: over_ground(GRID, np.full(GRID.size, np.nan), 0.5), "is nan"),
+    ],
+)
+def test_bad_input(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()

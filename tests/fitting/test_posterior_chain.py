@@ -1,0 +1,237 @@
+import os
+import signal
+import sys
+
+import numpy as np
+import pytest
+
+import glazejax.cli
+from glazefit import posterior_of_bands, simulate_films
+from glazefit.chain import BlockDifference, BlockStretch, Chain, autocorrelation_times, convergence, run_chain
+from glazefit.posterior_problem import Problem
+from glazejax.cli import main
+
+GRID = np.arange(400.0, 701.0, 50.0)
+SHORT = {"walkers": 12, "thin": 2}
+
+
+def film(seed: int = 0):
+    k, s = np.geomspace(0.05, 0.5, GRID.size)[None], np.full((1, GRID.size), 1.0)
+    return simulate_films(["film"], GRID, k, s, seed=seed)
+
+
+class Gaussians:
+    """Blocks of known Gaussians, in place of a problem."""
+
+    blocks = ("a", "b", "c")
+    dims = 3
+    fingerprint = "gaussians"
+
+    def __init__(self):
+        self.means = np.array([[0.0, 1.0, 2.0], [5.0, 5.0, 5.0], [-1.0, 0.0, 1.0]])
+        self.scales = np.array([1.0, 100.0, 0.01])
+
+    def log_probability(self, free):
+        return -0.5 * np.sum(((free - self.means) / self.scales[:, None]) ** 2, axis=-1)
+
+
+def start(problem, walkers=20, seed=0):
+    noise = np.random.default_rng(seed).standard_normal((walkers, 3, 3))
+    return problem.means + problem.scales[:, None] * noise
+
+
+def test_blocks_of_very_different_size_are_all_sampled_rightly():
+    problem = Gaussians()
+    chain = run_chain(problem, start(problem), steps=12000, thin=4, seed=3)  # pyright: ignore[reportArgumentType]
+    free = chain.free[200:].reshape(-1, 3, 3)
+    tau = autocorrelation_times(chain.free[200:].reshape(*chain.free[200:].shape[:2], -1)).reshape(3, 3)
+    error = problem.scales[:, None] / np.sqrt(len(free) / tau)
+    assert np.all(np.abs(free.mean(axis=0) - problem.means) < 5 * error)
+    np.testing.assert_allclose(free.std(axis=0), np.broadcast_to(problem.scales[:, None], (3, 3)), rtol=0.12)
+    assert 0.2 < chain.accepted < 0.8
+
+
+@pytest.mark.parametrize("kind", [BlockStretch, BlockDifference])
+def test_each_move_alone_keeps_the_distribution(kind):
+    """One step of an ensemble that is distributed rightly leaves it so: means of squares over many ensembles."""
+
+    class Model:
+        random = np.random.RandomState(1)
+
+        @staticmethod
+        def compute_log_prob_fn(points):
+            parts = -0.5 * np.sum(points.reshape(len(points), 2, 2) ** 2, axis=-1)
+            return parts.sum(axis=1), parts
+
+    class State:
+        def __init__(self, coords):
+            self.coords = coords
+            self.log_prob, self.blobs = Model.compute_log_prob_fn(coords)
+
+    move, squares = kind(2), []
+    rng = np.random.default_rng(0)
+    for _ in range(1500):
+        state = State(rng.standard_normal((8, 4)))
+        for _ in range(3):
+            state, _ = move.propose(Model, state)
+        squares.append((state.coords**2).mean())
+        np.testing.assert_allclose(state.log_prob, Model.compute_log_prob_fn(state.coords)[0])
+    squares = np.array(squares)
+    assert squares.mean() == pytest.approx(1.0, abs=4 * squares.std() / np.sqrt(len(squares)))
+
+
+def white_chain(steps, walkers=16, rho=0.0, seed=0):
+    """A chain of known autocorrelation time, (1 + rho)/(1 - rho)."""
+    rng = np.random.default_rng(seed)
+    values = np.empty((steps, walkers, 1))
+    values[0] = rng.standard_normal((walkers, 1))
+    for i in range(1, steps):
+        values[i] = rho * values[i - 1] + np.sqrt(1 - rho**2) * rng.standard_normal((walkers, 1))
+    return Chain(values[..., None], np.zeros(values.shape), 0.5, 1), values[..., None]
+
+
+def test_autocorrelation_time_of_a_known_chain():
+    _, values = white_chain(5000, rho=0.8)
+    assert autocorrelation_times(values[..., 0])[0] == pytest.approx(9.0, rel=0.15)
+
+
+def test_long_chain_has_converged_and_short_one_not():
+    good = convergence(*white_chain(4000, rho=0.8))
+    assert good.converged.all()
+    assert good.words().startswith("converged")
+    short = convergence(*white_chain(200, rho=0.8))
+    assert not short.converged.any()
+    assert short.words().startswith("not converged")
+    assert "would do" in short.words()
+
+
+def test_stuck_or_tiny_chain_has_not_converged():
+    stuck = Chain(np.zeros((100, 4, 1, 1)), np.zeros((100, 4, 1)), 0.0, 1)
+    assert not convergence(stuck, stuck.free).converged.any()
+    tiny = Chain(np.zeros((3, 4, 1, 1)), np.zeros((3, 4, 1)), 0.0, 1)
+    assert "too few" in convergence(tiny, tiny.free).words()
+
+
+def test_resumed_chain_equals_the_uninterrupted_one(tmp_path):
+    whole = posterior_of_bands(film(), steps=60, path=tmp_path / "whole.h5", **SHORT)
+    posterior_of_bands(film(), steps=24, path=tmp_path / "part.h5", **SHORT)
+    rest = posterior_of_bands(film(), steps=60, path=tmp_path / "part.h5", resume=True, **SHORT)
+    assert rest.chain is not None
+    assert whole.chain is not None
+    np.testing.assert_array_equal(rest.chain.free, whole.chain.free)
+    np.testing.assert_array_equal(rest.chain.log_probability, whole.chain.log_probability)
+
+
+def test_file_gives_the_chain_that_memory_gives(tmp_path):
+    kept = posterior_of_bands(film(), steps=20, path=tmp_path / "c.h5", **SHORT).chain
+    held = posterior_of_bands(film(), steps=20, **SHORT).chain
+    assert kept is not None
+    assert held is not None
+    np.testing.assert_array_equal(kept.free, held.free)
+
+
+def test_interrupt_keeps_what_is_done_and_the_rest_can_follow(tmp_path, monkeypatch):
+    path = tmp_path / "c.h5"
+    calls = [0]
+    original = Problem.log_probability
+
+    def counting(self, free):
+        calls[0] += free.shape[0] == SHORT["walkers"] // 2
+        if calls[0] == 25:
+            os.kill(os.getpid(), signal.SIGINT)
+        return original(self, free)
+
+    monkeypatch.setattr(Problem, "log_probability", counting)
+    stopped = posterior_of_bands(film(), steps=100, path=path, **SHORT)
+    monkeypatch.undo()
+    assert stopped.chain is not None
+    assert stopped.chain.interrupted
+    assert 0 < len(stopped.chain.free) < 50
+    assert stopped.words().startswith("stopped early")
+    rest = posterior_of_bands(film(), steps=100, path=path, resume=True, **SHORT)
+    whole = posterior_of_bands(film(), steps=100, **SHORT)
+    assert rest.chain is not None
+    assert whole.chain is not None
+    np.testing.assert_array_equal(rest.chain.free, whole.chain.free)
+
+
+def test_files_are_guarded(tmp_path):
+    path = tmp_path / "c.h5"
+    with pytest.raises(FileNotFoundError, match="no chain to resume"):
+        posterior_of_bands(film(), steps=20, path=path, resume=True, **SHORT)
+    posterior_of_bands(film(), steps=20, path=path, **SHORT)
+    with pytest.raises(FileExistsError, match="a chain already"):
+        posterior_of_bands(film(), steps=20, path=path, **SHORT)
+    with pytest.raises(ValueError, match="another problem"):
+        posterior_of_bands(film(seed=9), steps=40, path=path, resume=True, **SHORT)
+    with pytest.raises(ValueError, match="12 walkers"):
+        posterior_of_bands(film(), steps=40, path=path, resume=True, walkers=14, thin=2)
+    posterior_of_bands(film(), steps=20, path=path, overwrite=True, **SHORT)
+    (tmp_path / "not.h5").write_text("no")
+    with pytest.raises(ValueError, match="no chain of emcee"):
+        posterior_of_bands(film(), steps=40, path=tmp_path / "not.h5", resume=True, **SHORT)
+
+
+@pytest.fixture
+def run(monkeypatch, tmp_path, capsys):
+    """Run the command; gives exit status, output and errors."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(glazejax.cli, "start_jax", lambda: None)
+    monkeypatch.setenv("COLUMNS", "200")
+
+    def call(*words):
+        monkeypatch.setattr(sys, "argv", ["glazejax", "posterior", *map(str, words)])
+        with pytest.raises(SystemExit) as stop:
+            main()
+        out, err = capsys.readouterr()
+        return stop.value.code or 0, out, err
+
+    return call
+
+
+def test_command_writes_what_it_says(run, tmp_path):
+    import arviz
+
+    options = ("--simulate", "--paints", "CobaltBlue,ZincWhite", "--bands", "--steps", "300", "--walkers", "12")
+    # --bands assumes no paint of a measured film; a simulated one is made of some.
+    status, out, _ = run(*options, "--out", "r")
+    assert status == 0
+    assert "Nothing here was measured" in out
+    assert "Not converged" in out
+    folder = tmp_path / "r"
+    for name in ("corner.png", "bands.png"):
+        assert (folder / name).read_bytes().startswith(b"\x89PNG")
+    data = arviz.from_netcdf(folder / "posterior.nc")
+    assert {"posterior", "sample_stats", "log_likelihood", "observed_data"} <= set(data.groups())
+    assert data.posterior.attrs["converged"] == 0
+    assert data.posterior["ratio"].dims == ("chain", "draw", "wavelength")
+    bands = data.posterior.sizes["wavelength"]
+    lines = (folder / "summary.csv").read_text().splitlines()
+    assert len(lines) == 1 + 3 * bands
+
+    status, _, err = run(*options, "--out", "r")
+    assert status == 2
+    assert "--overwrite" in err
+    status, _, _ = run(*options, "--out", "r", "--resume")
+    assert status == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ((), "no FILE"),
+        (("--simulate", "--out", "x"), "--simulate needs paints"),
+        (("--simulate", "--paints", "CobaltBloo", "--out", "x"), "CobaltBlue"),
+        (("none.tsv", "--out", "x"), "none.tsv"),
+        (("none.tsv", "--bands", "--paints", "ZincWhite", "--out", "x"), "assumes no paint"),
+        (("none.tsv", "--ground", "84", "--out", "x"), "between 0 and 1"),
+        (("none.tsv", "--out", "x", "--resume"), "no chain to resume"),
+        (("none.tsv", "--out", "x", "--resume", "--overwrite"), "choose one"),
+        (("none.tsv",), "--out FOLDER"),
+    ],
+)
+def test_command_errors_are_one_line(run, words, message):
+    status, _, err = run(*words)
+    assert status == 2
+    assert message in err
+    assert len(err.strip().splitlines()) == 1
