@@ -4,7 +4,7 @@
 
 41 wavelengths x 2 layers, one geometry, reflectance factor. Peers need the extra `benchmark`; one that is missing
 gets a line that says so. Error: the largest relative error over the wavelengths, against a run of this program with
-three times the directions of its finest tolerance, which the peers' finest runs confirm. Times: warm medians of
+half as many directions again as for its finest tolerance, which the peers' finest runs confirm. Times: warm medians of
 programs run in turn, set-up and compilation left out. Writes a table and a log-log plot.
 """
 
@@ -168,7 +168,7 @@ def headlines(rows: Sequence[Row], say: Results) -> None:
 
 def confirm(rows: Sequence[Row], peers: Iterable[Curve], work: Work, say: Results) -> None:
     """What the peers' finest runs say of the reference, and sasktran2 of our derivatives."""
-    say("Reference: glazejax with three times the directions of its finest tolerance. Peers' finest agree with it to:")
+    say("Reference: glazejax with half as many directions again as its finest. Peers' finest agree with it to:")
     for name in (curve.name for curve in peers):
         best = min((row for row in rows if row.curve.name == name), key=lambda row: row.error, default=None)
         if best is not None:

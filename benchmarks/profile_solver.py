@@ -24,7 +24,7 @@ import numpy as np
 from benchmarks.peers import ours, two_layers
 from benchmarks.results import Results, add_option
 from benchmarks.timing import environment
-from glazejax.radiative.resolution import resolve
+from glazejax.radiative.resolution import resolve_known
 
 PARTS = ("modes", "assemble", "inverse", "eliminate")
 REPETITIONS = 100
@@ -113,7 +113,7 @@ def main() -> None:
             taken = seconds(lambda c=compiled, a=arguments: c(*a), REPETITIONS if copies == 1 else 20)
             parts = kernel_times(compiled, arguments, REPETITIONS if copies == 1 else 10)
             inside, number = (sum(value[i] for value in parts.values()) for i in (0, 1))
-            resolution = resolve(tolerance, INDEX, INDEX)
+            resolution = resolve_known(tolerance, INDEX)
             nodes = resolution.cone + resolution.total
             algebra = multiplications(nodes, 2, albedo.shape[0]) / rate
             largest_first = sorted(parts.items(), key=lambda item: -item[1][0])
