@@ -31,7 +31,7 @@ GROUP = 8
 # How many sets of paints a target keeps after the first look, by (layers, paints counted in each coat); after a first
 # refinement; how many stacks of several coats the solver refines; and how many are grown, and kept of their children.
 _KEEP = {(1, 1): 3, (1, 2): 12, (1, 3): 40, (2, 1): 8, (2, 2): 24, (2, 3): 40}
-_KEEP_REFINED, _KEEP_SOLVED = 8, 6
+_KEEP_REFINED, _KEEP_SOLVED = 8, 8
 _PARENTS, _CHILDREN = 4, 24
 # More than asked for are rounded, because a few lose their colour by it.
 _SPARE = 3
