@@ -25,8 +25,8 @@ import numpy as np
 from benchmarks.results import Results, add_option
 from benchmarks.timing import environment
 
-GROUP = 50
-STEPS, BAND_STEPS, WALKERS, THIN = 2500, 1500, 24, 10
+GROUP = 100
+STEPS, BAND_STEPS, WALKERS, THIN = 2000, 1200, 16, 10
 COEFFICIENTS = ("absorption", "scattering")
 LEVELS = np.array([0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 0.95])
 

@@ -1,6 +1,7 @@
 import os
 import signal
 import sys
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from glazefit.posterior_problem import Problem
 from glazejax.cli import main
 
 GRID = np.arange(400.0, 701.0, 50.0)
-SHORT = {"walkers": 12, "thin": 2}
+SHORT: dict[str, Any] = {"walkers": 12, "thin": 2}
 
 
 def film(seed: int = 0):
@@ -201,7 +202,7 @@ def test_command_writes_what_it_says(run, tmp_path):
     folder = tmp_path / "r"
     for name in ("corner.png", "bands.png"):
         assert (folder / name).read_bytes().startswith(b"\x89PNG")
-    data = arviz.from_netcdf(folder / "posterior.nc")
+    data: Any = arviz.from_netcdf(folder / "posterior.nc")
     assert {"posterior", "sample_stats", "log_likelihood", "observed_data"} <= set(data.groups())
     assert data.posterior.attrs["converged"] == 0
     assert data.posterior["ratio"].dims == ("chain", "draw", "wavelength")
