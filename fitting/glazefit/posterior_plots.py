@@ -88,6 +88,7 @@ def _corner_of_film(posterior: Posterior) -> Any:
     for i in range(count):
         low, middle, high = np.quantile(draws[:, i], LEVELS)
         axes[i, i].set_title(f"{titles[i]}\n{middle:.3g}  [{low:.3g}, {high:.3g}]", fontsize=9)
+        axes[i, i].set_ylim(0, 1.08 * axes[i, i].dataLim.y1)
         axes[-1, i].set_xlabel(titles[i], fontsize=9)
         if i:
             axes[i, 0].set_ylabel(titles[i], fontsize=9)
@@ -169,12 +170,15 @@ def _spectra_of_film(posterior: Posterior) -> Any:
         residuals.plot(grid, -_NINETY * allowed[:, g], ":", color=colour, lw=1, label=bound)
     noise = _NINETY * film.sd.max(axis=1)
     residuals.fill_between(grid, -noise, noise, color="0.6", alpha=0.35, lw=0, label="90 % by the instrument's noise")
-    spectra.set(xlabel="wavelength (nm)", ylabel="reflectance", ylim=(0, max(1.0, 1.05 * film.reflectance.max())))
+    spectra.set(
+        xlabel="wavelength (nm)", ylabel="reflectance", ylim=(0, 1.25 * max(film.reflectance.max(), high.max()))
+    )
     spectra.legend(frameon=False, fontsize=8)
     spectra.set_title(f"{film.name}: {_mixture(posterior)}", fontsize=10)
     residuals.axhline(0, color="0.7", lw=0.8)
-    residuals.set(xlabel="wavelength (nm)", ylabel="difference in reflectance")
-    residuals.legend(frameon=False, fontsize=8)
+    low, high = residuals.get_ylim()
+    residuals.set(xlabel="wavelength (nm)", ylabel="difference in reflectance", ylim=(low, high + 0.45 * (high - low)))
+    residuals.legend(frameon=False, fontsize=8, loc="upper left")
     residuals.set_title(_subtitle(posterior), fontsize=10)
     return figure
 
