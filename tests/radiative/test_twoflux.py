@@ -21,7 +21,7 @@ def test_equals_the_hyperbolic_form():
 
 
 def test_limits():
-    reflectance, transmittance = two_flux_layer([0.0, 2.0, 0.0, 1e4], [3.0, 0.0, 0.0, 0.0])
+    reflectance, transmittance = two_flux_layer(np.array([0.0, 2.0, 0.0, 1e4]), np.array([3.0, 0.0, 0.0, 0.0]))
     np.testing.assert_allclose(reflectance, [3 / 4, 0, 0, 0], atol=1e-12)
     np.testing.assert_allclose(transmittance, [1 / 4, np.exp(-2), 1, 0], atol=1e-12)
     # An opaque layer: Kubelka and Munk's 1 + K/S - sqrt((K/S)^2 + 2 K/S).

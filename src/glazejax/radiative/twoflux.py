@@ -53,8 +53,8 @@ def saunderson(reflectance: ArrayLike, outer: ArrayLike = 0.04, inner: ArrayLike
 
     Source: Saunderson (1942).
     """
-    r = jnp.asarray(reflectance)
-    return (1.0 - outer) * (1.0 - inner) * r / (1.0 - inner * r)
+    r, outside, inside = (jnp.asarray(value) for value in (reflectance, outer, inner))
+    return (1.0 - outside) * (1.0 - inside) * r / (1.0 - inside * r)
 
 
 def kubelka_munk_from_radiative(absorption: ArrayLike, scattering: ArrayLike) -> tuple[Array, Array]:
