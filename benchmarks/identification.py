@@ -62,13 +62,12 @@ def family(recipe: dict[str, float]) -> dict[str, float]:
     return out
 
 
-def left_out(results: Results) -> list[Found]:
-    """Every film of the revigo set, unless it is the only one of a paint."""
+def left_out(results: Results, out: list[Found]) -> None:
+    """Every film of the revigo set, unless it is the only one of a paint, added to `out`."""
     folder = measured_data("revigo")
     films, recipes = read_films(folder / "reflectance.tsv"), read_names(folder / "mixtures.tsv")
     whole = recover_jointly(films, recipes)
     count = (whole.shares > 0).sum(axis=0)
-    out = []
     for row, name in enumerate(films.names):
         if (count[whole.shares[row] > 0] < 2).any():
             continue
@@ -79,7 +78,6 @@ def left_out(results: Results) -> list[Found]:
         results(
             f"{name}  {_text(found.truth):<44} -> {found.words}  (P {found.probability:.2f}, RMSE {found.rmse:.4f})"
         )
-    return out
 
 
 def _look(name: str, found, recipe: dict[str, float]) -> Found:
@@ -148,7 +146,6 @@ def speed(results: Results, count: int = 1000) -> None:
     noise = Noise()
     spectra = np.asarray(body) + 0.04
     spectra = np.clip(spectra + noise.sd(spectra) * rng.standard_normal(spectra.shape), 0, 1)
-    results()
     for words in ("compilation included", "again"):
         began = time.perf_counter()
         found = identify(spectra, paints[0].wavelengths, paints, grounds=grounds, max_paints=2)
@@ -183,12 +180,15 @@ def main() -> None:
     results = Results("identification", options.out)
     results(environment())
     results()
-    found = left_out(results)
-    summary(found, results)
-    speed(results)
-    for part in (kimera, rrt, hyppigments):
-        results()
+    for part in (speed, kimera, rrt, hyppigments):
         part(results)
+        results()
+    found: list[Found] = []
+    try:
+        left_out(results, found)
+    except KeyboardInterrupt:
+        results("interrupted: the films above are all")
+    summary(found, results)
     results.save(draw(found))
 
 

@@ -53,10 +53,9 @@ def rrt(results: Results) -> None:
         paint = RRT_COLUMNS[column].split()[0]
         truth = RRT_TRUTH.get(paint)
         if truth is not None:
-            largest = found.ranked(row)[0].paints[0]
-            right.append(largest == truth)
+            right.append(truth in found.ranked(row)[0].paints)
         results(f"  {RRT_COLUMNS[column]:<22} {_line(found, row)}" + ("" if truth else "   [not in the catalogue]"))
-    results(f"  largest paint right where the catalogue has it: {sum(right)} of {len(right)}")
+    results(f"  the pigment is in the first explanation, where the catalogue has it: {sum(right)} of {len(right)}")
 
 
 def _line(found, row: int) -> str:

@@ -28,8 +28,7 @@ class Weights(NamedTuple):
     """Errors and prior of one spectrum, or of one candidate for it."""
 
     target: Float[Array, "readings"]  # without the mean surface
-    basis: Float[Array, "readings readings"]
-    variance: Float[Array, "scales readings"]
+    basis: Float[Array, "scales readings readings"]
     height: Float[Array, "scales"]
     spread: Float[Array, ""]
     concentration: Float[Array, ""]
@@ -99,7 +98,7 @@ def fit_one(
         weights: of the spectrum.
         middle: scale of the discrepancy that is fitted with.
     """
-    white = weights.basis / jnp.sqrt(weights.variance[middle])[:, None]
+    white = weights.basis[middle]
 
     def look(logs: Array) -> tuple[Array, Array, Array, Array]:
         readings, slopes = model(jnp.where(present, jnp.exp(logs), 0.0))
@@ -128,8 +127,8 @@ def fit_one(
 def _evidence(logs: Array, present: Array, hessian: Array, readings: Array, weights: Weights) -> tuple[Array, Array]:
     """Laplace's log evidence of one candidate, summed over the scales of the discrepancy; and the covariance of u."""
     spread, log_det = inverse_small(hessian)
-    off = weights.basis @ (weights.target - readings)
-    likelihood = jax.nn.logsumexp(weights.height - 0.5 * jnp.sum(off**2 / weights.variance, axis=-1))
+    off = jnp.einsum("srt,t->sr", weights.basis, weights.target - readings)
+    likelihood = jax.nn.logsumexp(weights.height - 0.5 * jnp.sum(off**2, axis=-1))
     prior = log_prior(logs, present, weights.spread, weights.concentration)
     volume = 0.5 * present.sum() * jnp.log(2.0 * jnp.pi) - 0.5 * log_det
     return likelihood + prior + volume, spread

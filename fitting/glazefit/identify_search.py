@@ -31,8 +31,10 @@ CHUNK = 16
 """Spectra that are fitted at a time."""
 
 _SCREENED = 256
-_KEPT_PAIRS, _GROWN_PAIRS, _KEPT_TRIPLES, _REFINED, _STACKED = 40, 12, 40, 24, 8
+_KEPT_PAIRS, _GROWN_PAIRS, _KEPT_TRIPLES, _STACKED = 40, 12, 40, 8
 _ROUNDS = 2
+# Candidates fitted with errors of their own, and again, by the largest size of a set.
+_REFINED = {1: (8, 3), 2: (12, 4), 3: (20, 6)}
 # Grounds that differ by less share a screening; each film is then fitted with its own.
 _ALIKE = 0.04
 _TYPICAL_READING = 0.3
@@ -94,7 +96,7 @@ def weights_of(task: Task, readings: Float[np.ndarray, "spectra grounds bands"],
     target = task.target(readings).reshape(len(readings), *[1] * (len(batch) - 1), -1)
     target = np.broadcast_to(target, (*batch, target.shape[-1]))
     alike = [np.full(batch, value) for value in (task.prior.spread, task.prior.concentration)]
-    parts = (target, errors.basis, errors.variance, errors.height, *alike)
+    parts = (target, errors.basis, errors.height, *alike)
     return Weights(*(jnp.asarray(a, float) for a in parts))
 
 
@@ -177,28 +179,34 @@ def search_chunk(task: Task, measured: Measured, rows: Int[np.ndarray, "rows"], 
         triples.log_weight[~new] = -np.inf
         pool = pool.merged(triples)
     looked_at = pool
-    pool = _refined(task, pool.best(_REFINED), readings, ground)
+    pool = _refined(task, pool, readings, ground)
     if task.layers == 2 and task.max_paints > 1 and task.known > 1:
         pool = _stacked(task, pool, looked_at, readings, ground, weights)
     return pool.take(np.broadcast_to(np.arange(pool.log_weight.shape[1]), (len(rows), pool.log_weight.shape[1])))
 
 
 def _refined(task: Task, pool: Pool, readings: np.ndarray, ground: jax.Array) -> Pool:
-    """The pool fitted again with errors of each candidate's own."""
+    """The best of the pool fitted again with errors of each candidate's own, and the very best once more."""
+    many, few = _REFINED[task.max_paints]
+    pool = _refit(task, pool.best(many), readings, ground)
+    order = np.argsort(-pool.log_weight, axis=1, kind="stable")
+    return _refit(task, pool.take(order[:, :few]), readings, ground).merged(pool.take(order[:, few:]))
+
+
+def _refit(task: Task, pool: Pool, readings: np.ndarray, ground: jax.Array) -> Pool:
+    """All of a pool, with the errors that its paints' coefficients cause where it stands."""
     sets = jnp.asarray(pool.members)
-    for _ in range(_ROUNDS):
-        logs = jnp.asarray(np.where(pool.members == NOBODY, 0.0, pool.logs), float)
-        slopes = np.asarray(coat_slopes(task.response, task.paints, sets, logs, ground))
-        weights = weights_of(task, readings, own_errors(task, readings, slopes, pool.members))
-        fitted = fit_sets(task.response, task.paints, sets, logs, ground, weights, task.middle, own=True)
-        size = (pool.members != NOBODY).sum(axis=-1)
-        share = np.asarray([-np.inf, *(task.log_set(n) for n in range(1, task.max_paints + 1))])
-        # What was struck out stays so.
-        weight = np.where(np.isfinite(pool.log_weight), np.asarray(fitted.log_evidence) + share[size], -np.inf)
-        logs = np.where(pool.members == NOBODY, -np.inf, np.asarray(fitted.logs))
-        spread = np.where(absent_pairs(pool.members), 0.0, np.asarray(fitted.covariance))
-        pool = replace(pool, logs=logs, covariance=spread, log_weight=weight, readings=np.asarray(fitted.readings))
-    return pool
+    logs = jnp.asarray(np.where(pool.members == NOBODY, 0.0, pool.logs), float)
+    slopes = np.asarray(coat_slopes(task.response, task.paints, sets, logs, ground))
+    weights = weights_of(task, readings, own_errors(task, readings, slopes, pool.members))
+    fitted = fit_sets(task.response, task.paints, sets, logs, ground, weights, task.middle, own=True)
+    size = (pool.members != NOBODY).sum(axis=-1)
+    share = np.asarray([-np.inf, *(task.log_set(n) for n in range(1, task.max_paints + 1))])
+    # What was struck out stays so.
+    weight = np.where(np.isfinite(pool.log_weight), np.asarray(fitted.log_evidence) + share[size], -np.inf)
+    logs = np.where(pool.members == NOBODY, -np.inf, np.asarray(fitted.logs))
+    spread = np.where(absent_pairs(pool.members), 0.0, np.asarray(fitted.covariance))
+    return replace(pool, logs=logs, covariance=spread, log_weight=weight, readings=np.asarray(fitted.readings))
 
 
 def absent_pairs(members: Int[np.ndarray, "*n 3"]) -> Bool[np.ndarray, "*n 3 3"]:

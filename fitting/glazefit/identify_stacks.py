@@ -87,7 +87,7 @@ def stack_starts(
         def coarse(logs: Array) -> Array:
             return stack_readings(k, s, coats, jnp.exp(logs), ground, optics, _SCREEN_TOLERANCE).reshape(-1)
 
-        white = weights.basis / jnp.sqrt(weights.variance[middle])[:, None]
+        white = weights.basis[middle]
         off = (weights.target - jax.vmap(coarse)(places)) @ white.T
         return places[jnp.argmin(jnp.sum(off**2, axis=-1))]
 
