@@ -8,8 +8,10 @@ s d of films of such mixtures at every third wavelength, gloss 1, no model error
 from the table that the posterior uses, over both cards, with the noise of `glazefit.Noise` on the cards too.
 
 A quantity's 90 % interval lies between its 5 and 95 % quantiles. Laplace's approximation is judged where its own test
-trusts it (Pareto tail index below 0.7) and where not; a row says what share of the films each is. The binomial error of
-500 films is 1.3 %. Writes a table and a plot of coverage against level.
+trusts it (Pareto tail index below 0.7), where not, and where its interval and the chain's agree (their ends, within
+15 % of the width), with emcee's coverage of the same cases; a row says what share of the cases each is. "Hides cards":
+films, or bands, that read alike over both. The binomial error of 500 films is 1.3 %. Writes a table and a plot of
+coverage against level.
 """
 
 import argparse
@@ -41,12 +43,13 @@ class Truth:
 
 @dataclass(frozen=True)
 class Ranks:
-    """Share of a posterior below the truth, for both methods, (cases,), and whether Laplace is trusted there."""
+    """Share of a posterior below the truth, for both methods, (cases,), and of what kind the cases are."""
 
     laplace: np.ndarray
     emcee: np.ndarray
     trusted: np.ndarray
     opaque: np.ndarray
+    agrees: np.ndarray
 
 
 def simulate(
@@ -102,6 +105,10 @@ def hidden(films: Sequence[Any]) -> np.ndarray:
 
 def shares(posterior: Any, truth: dict[str, np.ndarray], opaque: np.ndarray) -> dict[str, Ranks]:
     """Where the truth lies in each quantity's posterior; a level of convergence is not asked for."""
+    from glazefit.posterior_summary import AGREES
+
+    blocks = len(posterior.problem.blocks)
+    words = {(row.quantity, n % blocks): row.laplace for n, row in enumerate(posterior.summary())}
     found = {}
     for name, draws in posterior.draws.items():
         value = truth[name].reshape(-1)
@@ -111,6 +118,7 @@ def shares(posterior: Any, truth: dict[str, np.ndarray], opaque: np.ndarray) -> 
             (flat < value).mean(axis=0),
             posterior.laplace.trusted,
             opaque,
+            np.array([words[name, block] == AGREES for block in range(value.size)]),
         )
     return found
 
@@ -157,7 +165,7 @@ def join(parts: Sequence[dict[str, Ranks]]) -> dict[str, Ranks]:
     for part in parts:
         for name, ranks in part.items():
             found.setdefault("fraction" if name.startswith("fraction ") else name, []).append(ranks)
-    fields = ("laplace", "emcee", "trusted", "opaque")
+    fields = ("laplace", "emcee", "trusted", "opaque", "agrees")
     return {n: Ranks(*(np.concatenate([getattr(r, f) for r in many]) for f in fields)) for n, many in found.items()}
 
 
@@ -168,13 +176,17 @@ def coverage(ranks: np.ndarray, level: float = 0.9) -> float:
 
 def table(say: Results, title: str, found: dict[str, Ranks]) -> None:
     say(f"\n{title}")
-    say(f"{'':<14}{'cases':>7}{'emcee':>9}{'Laplace':>9}{'trusted':>17}{'not trusted':>17}{'hides cards':>22}")
+    say(f"{'':<12}{'':>6}{'':>8}{'':>8}  {'Laplace where':<30}{'emcee, Laplace where':<44}")
+    titles = ("trusted".rjust(16), "not trusted".rjust(16), "agree".rjust(22), "hides cards".rjust(22))
+    say(f"{'':<12}{'cases':>6}{'emcee':>8}{'Laplace':>8}" + "".join(titles))
     for name, r in found.items():
-        cells = [f"{r.emcee.size:>7}", f"{coverage(r.emcee):>9.1%}", f"{coverage(r.laplace):>9.1%}"]
+        cells = [f"{r.emcee.size:>6}", f"{coverage(r.emcee):>8.1%}", f"{coverage(r.laplace):>8.1%}"]
         for where in (r.trusted, ~r.trusted):
-            cells.append(f"{coverage(r.laplace[where]):>8.1%} ({where.mean():>5.1%})")
-        both = f"{coverage(r.emcee[r.opaque]):.1%}, {coverage(r.laplace[r.opaque]):.1%} ({r.opaque.mean():.0%})"
-        say(f"{name:<14}" + "".join(cells) + f"{both:>24}")
+            cells.append(f"{coverage(r.laplace[where]):.1%} ({where.mean():.0%})".rjust(16))
+        for where in (r.agrees, r.opaque):
+            both = f"{coverage(r.emcee[where]):.1%}, {coverage(r.laplace[where]):.1%} ({where.mean():.0%})"
+            cells.append(both.rjust(22))
+        say(f"{name:<12}" + "".join(cells))
 
 
 def draw(found: dict[str, dict[str, Ranks]]) -> Any:

@@ -32,9 +32,6 @@ from .posterior_summary import Row, compare, numbers
 if TYPE_CHECKING:
     from .chain import Chain, Convergence
 
-# Draws that Laplace's approximation is reported from.
-_LAPLACE_DRAWS = 4000
-
 
 @dataclass(frozen=True)
 class Posterior:
@@ -72,7 +69,7 @@ class Posterior:
     def free(self) -> Float[np.ndarray, "steps walkers blocks dims"]:
         """Draws of the free unknowns: the kept part of the chain, or Laplace's (one walker)."""
         if self.chain is None or self.convergence is None:
-            return self.laplace.draws(_LAPLACE_DRAWS, np.random.default_rng(2))[:, None]
+            return self.laplace.sample[:, None]
         return self.chain.free[self.convergence.discarded // self.chain.thin :]
 
     @cached_property
@@ -83,7 +80,7 @@ class Posterior:
     @cached_property
     def laplace_draws(self) -> Mapping[str, Float[np.ndarray, "draws blocks"]]:
         """The same from Laplace's approximation."""
-        return self.problem.draws(self.laplace.draws(_LAPLACE_DRAWS, np.random.default_rng(2)))
+        return self.problem.draws(self.laplace.sample)
 
     def summary(self) -> list[Row]:
         """A row for each quantity of each block: the chain's numbers, Laplace's, and where the two differ."""

@@ -19,6 +19,7 @@ from glazefit.posterior_film import pose_films
 from glazefit.posterior_laplace import find_modes, laplace
 from glazefit.posterior_problem import log_probability, root_of_log1p, uniform_residual
 from glazefit.posterior_reading import readings
+from glazefit.posterior_summary import Numbers, compare
 from glazejax import Hemispherical, Pigment
 
 GRID = np.arange(400.0, 701.0, 20.0)
@@ -109,10 +110,29 @@ def test_only_the_ratio_is_known_where_the_card_is_hidden(banded):
     assert abs(vectors[1, 1]) > 0.9
 
 
-def test_summary_names_where_laplace_fails(banded):
-    table = rows(banded)
-    assert table["absorption", "400 nm"].laplace == "agrees"
-    assert table["scattering", "700 nm"].laplace != "agrees"
+def test_summary_says_where_laplace_and_chain_agree(banded):
+    assert rows(banded)["absorption", "400 nm"].laplace == "agrees"
+    for row in banded.summary():
+        ends = np.log([row.lower, row.upper, row.laplace_lower, row.laplace_upper])
+        near = np.abs(ends[:2] - ends[2:]).max() <= 0.15 * (ends[1] - ends[0])
+        assert near == (row.laplace == "agrees")
+
+
+def test_how_laplace_fails_is_named():
+    rng = np.random.default_rng(0)
+    normal = rng.standard_normal(20_000)
+
+    def words(sampled, laplace, share=False, many=False):
+        one, other = (Numbers.of(np.asarray(v)[:, None]) for v in (sampled, laplace))
+        return compare(one, other, logarithmic=False, share=share, many=np.array([many]))[0]
+
+    assert words(normal, normal + 0.1) == "agrees"
+    assert words(normal, normal + 0.8) == "shifted"
+    assert words(normal, 2 * normal) == "Laplace too wide"
+    assert words(normal, 0.4 * normal) == "Laplace too narrow"
+    assert words(np.exp(normal), 1 + normal) == "skewed"
+    assert words(np.where(normal > 0, 3 + normal, -3 + normal), 3 + normal, many=True) == "two modes"
+    assert words(np.abs(0.01 * normal), 0.02 + 0.01 * normal, share=True) == "against a bound"
 
 
 def test_prior_is_what_the_log_probability_says():
@@ -228,6 +248,15 @@ def test_blocks_are_independent_of_each_other():
     free = prior_draws(np.random.default_rng(0), len(both.blocks))[None]
     apart = [p.log_probability(free[:, part]) for p, part in zip(problems, (slice(0, 16), slice(16, 32)), strict=True)]
     np.testing.assert_allclose(both.log_probability(free), np.concatenate(apart, axis=1), rtol=1e-12)
+
+
+def test_weighted_draws_of_laplace_equal_the_chain(mixed):
+    """Where its test trusts it, Laplace's approximation is more than a Gaussian: quantiles of skewed unknowns fit."""
+    assert mixed.laplace.trusted.all()
+    for name in ("fraction blue", "thickness", "model error"):
+        chain, weighted = mixed.draws[name].ravel(), mixed.laplace_draws[name].ravel()
+        low, high = np.quantile(chain, (0.05, 0.95))
+        np.testing.assert_allclose(np.quantile(weighted, (0.05, 0.95)), (low, high), atol=0.15 * (high - low))
 
 
 def test_two_solutions_are_two_modes():
