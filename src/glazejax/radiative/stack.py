@@ -10,7 +10,7 @@ import numpy as np
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
-from glazejax.radiative import auxiliary_graded, ordinates, sensitivity
+from glazejax.radiative import auxiliary_graded, manyflux_method, ordinates, sensitivity
 from glazejax.radiative.directions import Resolution
 from glazejax.radiative.inputs import (
     INDEX_RANGE,
@@ -21,12 +21,13 @@ from glazejax.radiative.inputs import (
     check_values,
     concrete,
 )
+from glazejax.radiative.manyflux_effort import Effort
 from glazejax.radiative.ordinates import Stack
 from glazejax.radiative.panels import Mesh
 from glazejax.radiative.resolution import resolve, resolve_known
 from glazejax.radiative.split import Split
 
-Method = Literal["ordinates", "auxiliary"]
+Method = Literal["ordinates", "auxiliary", "manyflux"]
 """Ways to compute the same quantity."""
 
 LEAST_SLOPING_INDEX = 1.0 + 1e-4
@@ -43,7 +44,7 @@ class _Solver(NamedTuple):
 
     reflectance: Callable
     reflectance_and_gradient: Callable
-    split: Callable
+    split: Callable | None
 
 
 _SOLVERS = {
@@ -51,6 +52,7 @@ _SOLVERS = {
     "auxiliary": _Solver(
         auxiliary_graded.reflectance, auxiliary_graded.reflectance_and_gradient, auxiliary_graded.split
     ),
+    "manyflux": _Solver(manyflux_method.reflectance, manyflux_method.reflectance_and_gradient, None),
 }
 
 
@@ -58,7 +60,7 @@ class _Options(NamedTuple):
     """What is fixed when the program is compiled."""
 
     method: str
-    resolution: Any  # the method's own: Resolution or Mesh
+    resolution: Any  # the method's own: Resolution, Mesh or Effort
     refractive_index: float | None  # None where the index is an array of the stack
     chunk: int
     near_one: bool  # whether an index of (almost) one may come
@@ -93,7 +95,8 @@ def stack_reflectance_factor(
         tolerance: absolute error wanted, a Python number; see Notes.
         method: "ordinates" (discrete ordinates in even-parity form, `glazejax.radiative.ordinates`) or "auxiliary"
             (paper A's integral equation on a graded mesh, `glazejax.radiative.auxiliary_graded`: slower, but it shares
-            no approximation with the other, so that each checks the other).
+            no approximation with the other, so that each checks the other) or "manyflux" (paper C's layer operators
+            by doubling, `glazejax.radiative.manyflux`, which also takes other phase functions: slower too).
 
     Returns:
         Reflectance factor, shape of the broadcast batch. float64 if x64 is enabled in JAX, else float32.
@@ -230,6 +233,9 @@ def _evaluate(inputs: _Inputs, tolerance: float, method: str) -> Array:
 
 
 def _evaluate_split(inputs: _Inputs, tolerance: float, method: str) -> Split:
+    check_method(method)
+    if _SOLVERS[method].split is None:
+        raise ValueError(f"method {method!r} does not split the reflectance; use 'ordinates' or 'auxiliary'")
     stack, options, batch = _prepare(inputs, tolerance, method)
     return jax.tree.map(lambda part: part.reshape(batch), _run_split(stack, options))
 
@@ -287,8 +293,12 @@ def _resolve(
     fixed: float | None,
     layers: int,
     itemsize: int,
-) -> tuple[Resolution | Mesh, int]:
+) -> tuple[Resolution | Mesh | Effort, int]:
     """The method's resolution, and how many stacks go through the processor at a time."""
+    if method == "manyflux":
+        cosines = inputs.cos_incidence, inputs.cos_viewing
+        effort = manyflux_method.resolve_effort(tolerance, indices, fixed, inputs.optical_thickness, *cosines)
+        return effort, max(1, _CHUNK_BYTES // manyflux_method.bytes_each(effort, layers, itemsize))
     if method == "auxiliary":
         known = concrete(inputs.optical_thickness)
         thickest = np.inf if known is None else float(known.max(initial=0.0))
@@ -306,8 +316,11 @@ def _run(stack: Stack, options: _Options) -> Array:
 
 @functools.partial(jax.jit, static_argnums=1)
 def _run_split(stack: Stack, options: _Options) -> Split:
+    split = _SOLVERS[options.method].split
+    assert split is not None
+
     def one(chunk: Stack) -> Split:
-        return _SOLVERS[options.method].split(_with_index(chunk, options), options.resolution)
+        return split(_with_index(chunk, options), options.resolution)
 
     return _in_chunks(one, stack, options.chunk)
 

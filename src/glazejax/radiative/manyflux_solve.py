@@ -1,0 +1,140 @@
+"""One stack of layers solved for given directions: from numbers to operators to what an instrument reads.
+
+Everything here is for one stack and is mapped over batches by `manyflux`.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from glazejax.radiative.directions import half_range
+from glazejax.radiative.fresnel import cos_refracted, dielectric_reflectance
+from glazejax.radiative.manyflux_bordered import Bordered, Diagonal
+from glazejax.radiative.manyflux_directions import Spread, spread_directions
+from glazejax.radiative.manyflux_effort import Effort
+from glazejax.radiative.manyflux_layer import layer_by_doubling
+from glazejax.radiative.manyflux_phase import associated_legendre, rates, scattering
+from glazejax.radiative.manyflux_stack import lambert, stack_reflection, under_surface
+from glazejax.radiative.phase import delta_m, evaluate
+
+
+class Layers(NamedTuple):
+    """One stack, top first."""
+
+    albedo: Float[Array, "layers"]
+    optical_thickness: Float[Array, "layers"]
+    moments: Float[Array, "layers terms"]
+    ground: Float[Array, ""]
+
+
+class _Scene(NamedTuple):
+    """Directions and scattering of a stack, delta-M scaled."""
+
+    cosines: Diagonal
+    roots: Diagonal  # sqrt(mu w); added directions as if of weight one
+    surface: Diagonal  # Fresnel reflectance
+    albedo: Array  # (layers,)
+    thickness: Array  # (layers,)
+    even: Array  # (layers, modes, n + v, n + i)
+    odd: Array
+
+
+def _scene(layers: Layers, index, cos_viewing: Array, cos_incidence: Array, effort: Effort, modes: int) -> _Scene:
+    dtype = layers.albedo.dtype
+    rule = effort.directions
+    found = spread_directions(index, rule) if isinstance(rule, Spread) else half_range(index, rule)
+    mu, weights, reflectance = (jnp.asarray(a, dtype) for a in found)
+    viewing, incidence = (cos_refracted(c, index) for c in (cos_viewing, cos_incidence))
+    albedo, thickness, moments = delta_m(layers.albedo, layers.optical_thickness, layers.moments, effort.kept)
+    terms = moments.shape[-1]
+    tables = [associated_legendre(c, modes, terms) for c in (mu, viewing, incidence)]
+    even, odd = scattering(moments, tables[0], tables[1], tables[2], jnp.sqrt(weights))
+    return _Scene(
+        Diagonal(mu, viewing, incidence),
+        Diagonal(jnp.sqrt(mu * weights), jnp.sqrt(viewing), jnp.sqrt(incidence)),
+        Diagonal(reflectance, dielectric_reflectance(cos_viewing, index), dielectric_reflectance(cos_incidence, index)),
+        albedo,
+        thickness,
+        even,
+        odd,
+    )
+
+
+def _outside(scene: _Scene, ground: Array, effort: Effort, modes: int) -> Bordered:
+    """Reflection as seen from outside, (modes, ...)."""
+    a, b = rates(scene.albedo[:, None], scene.even, scene.odd, scene.cosines)
+    reflection, loss = layer_by_doubling(a, b, scene.thickness[:, None], effort.doublings)
+    below = lambert(ground, scene.roots, modes, scene.albedo.dtype)
+    return under_surface(stack_reflection(reflection, loss, below), scene.surface)
+
+
+def reflectance_factor(
+    layers: Layers,
+    index: float | Float[Array, ""],
+    cos_viewing: Float[Array, "v"],
+    cos_incidence: Float[Array, "i"],
+    azimuth: Float[Array, "k"],
+    effort: Effort,
+) -> Float[Array, "v i k"]:
+    """pi L_out/E_in for all pairs of directions and relative azimuths (radians).
+
+    The light scattered once is that of the whole phase function and all modes; the operators add what is scattered more
+    often (Nakajima and Tanaka, J. Quant. Spectrosc. Radiat. Transfer 40 (1988) 51, their TMS).
+    """
+    modes = effort.modes
+    scene = _scene(layers, index, cos_viewing, cos_incidence, effort, modes)
+    outside = _outside(scene, layers.ground, effort, modes)
+    waves = jnp.cos(np.arange(modes)[:, None] * azimuth) * np.where(np.arange(modes) == 0, 1.0, 2.0)[:, None]
+    all_light = jnp.einsum("mvi,mk->vik", outside.corner, waves, precision="highest")
+    viewing, incidence = scene.roots.viewing[:, None], scene.roots.incidence
+    factor = all_light / (2.0 * index**2 * viewing * incidence)[..., None]
+    if modes == 1 and layers.moments.shape[-1] == 1:
+        return factor
+    return factor + _single_corrected(scene, layers, index, azimuth, waves)
+
+
+def _single_corrected(scene: _Scene, layers: Layers, index, azimuth: Array, waves: Array) -> Array:
+    """Light scattered once by the whole phase function less that of the modes and moments kept, (v, i, k)."""
+    viewing, incidence = scene.cosines.viewing[:, None], scene.cosines.incidence
+    count = scene.cosines.nodes.size
+    kept = (scene.even - scene.odd)[..., count:, count:] * scene.albedo[:, None, None, None]
+    taken = jnp.einsum("lmvi,mk->lvik", kept, waves, precision="highest")
+    sines = [_sine(c) for c in (viewing, incidence)]
+    turn = (sines[0] * sines[1])[..., None] * jnp.cos(azimuth) - (viewing * incidence)[..., None]
+    whole = evaluate(layers.moments[:, None, None, None, :], turn)
+    # Albedo per scaled depth with the peak still in it.
+    share = jnp.where(layers.optical_thickness > 0, layers.optical_thickness, 1.0) / jnp.where(
+        layers.optical_thickness > 0, scene.thickness, 1.0
+    )
+    slant = (1.0 / viewing + 1.0 / incidence)[None]
+    depth = jnp.cumsum(scene.thickness)[:, None, None]
+    thickness = scene.thickness[:, None, None]
+    lit = jnp.exp(-slant * (depth - thickness)) * -jnp.expm1(-slant * thickness) / (4.0 * (viewing + incidence))
+    through = (1.0 - scene.surface.viewing[:, None]) * (1.0 - scene.surface.incidence) / index**2
+    difference = (layers.albedo * share)[:, None, None, None] * whole - taken
+    return through[..., None] * jnp.sum(lit[..., None] * difference, axis=0)
+
+
+def _sine(cosine: Array) -> Array:
+    squared = jnp.maximum(1.0 - cosine * cosine, 0.0)
+    return jnp.sqrt(jnp.where(squared > 0, squared, 1.0)) * (squared > 0)
+
+
+def hemispherical_reflectance(
+    layers: Layers, index: float | Float[Array, ""], cos_incidence: Float[Array, "i"], effort: Effort
+) -> Float[Array, "i"]:
+    """Flux that leaves over flux of a collimated beam, for each direction of incidence."""
+    scene = _scene(layers, index, cos_incidence[:0], cos_incidence, effort, 1)
+    outside = _outside(scene, layers.ground, effort, 1)
+    return jnp.einsum("n,ni->i", scene.roots.nodes, outside.columns[0]) / scene.roots.incidence
+
+
+def diffuse_reflectance(layers: Layers, index: float | Float[Array, ""], effort: Effort) -> Float[Array, ""]:
+    """Flux that leaves over flux of light of equal radiance from all directions outside."""
+    nothing = layers.albedo[:0]
+    scene = _scene(layers, index, nothing, nothing, effort, 1)
+    outside = _outside(scene, layers.ground, effort, 1)
+    # Only the cone of refraction is lit: its flux is 1/n^2 of that of all directions inside.
+    return 2.0 * index**2 * jnp.einsum("i,ij,j->", scene.roots.nodes, outside.core[0], scene.roots.nodes)

@@ -1,0 +1,138 @@
+"""The many-flux solver: isotropic stacks as the default solver has them, conservation, reciprocity, limits, slopes."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from glazejax import stack_hemispherical_reflectance, stack_reflectance_factor
+from glazejax.radiative.fresnel import dielectric_reflectance
+from glazejax.radiative.manyflux import (
+    brdf_table,
+    manyflux_diffuse_reflectance,
+    manyflux_hemispherical_reflectance,
+    manyflux_reflectance_factor,
+)
+from glazejax.radiative.phase import henyey_greenstein, two_term_henyey_greenstein
+from glazejax.radiative.stack import split_reflectance_factor
+
+from .cases import CENTRAL, reference_cases
+
+
+@pytest.mark.parametrize("index", [1.0, pytest.param(1.33, marks=pytest.mark.slow), 1.5])
+def test_isotropic_is_the_reference(shared_reference, index):
+    c = reference_cases(shared_reference)[index]
+    given: dict[str, Any] = {
+        "refractive_index": index,
+        "cos_incidence": c.cos_incidence,
+        "tolerance": 1e-8,
+        "method": "manyflux",
+    }
+    stack = c.albedo, c.optical_thickness, c.ground
+    factor = stack_reflectance_factor(*stack, cos_viewing=c.cos_viewing, **given)
+    flux = stack_hemispherical_reflectance(*stack, **given)
+    assert np.all(np.abs(factor - c.reflectance_factor) <= 1e-8 + c.uncertainty)
+    assert np.all(np.abs(flux - c.hemispherical_reflectance) <= 1e-8 + c.uncertainty)
+
+
+PHASES = {
+    "forward": henyey_greenstein(0.8),
+    "backward": henyey_greenstein(-0.5),
+    "two lobes": two_term_henyey_greenstein(0.7, -0.4, 0.8),
+}
+
+
+@pytest.mark.parametrize("index", [1.0, 1.5])
+def test_nothing_is_lost_without_absorption(index):
+    phase = jnp.stack([PHASES[name][:30] for name in PHASES])[:, None]
+    given = {"phase": phase, "refractive_index": index, "streams": 6}
+    cos = np.array([0.05, 0.6, 1.0])
+    thickness = np.array([0.0, 1e-9, 0.3, 30.0, 1e4])[:, None]
+    stack = np.ones(2), np.stack([thickness, np.full_like(thickness, 0.5)], axis=-1), 1.0
+    flux = manyflux_hemispherical_reflectance(*stack, cos_incidence=cos, **given)
+    assert flux.shape == (5, 3)
+    np.testing.assert_allclose(flux + dielectric_reflectance(cos, index), np.ones((5, 3)), atol=1e-10)
+    if index == 1.0:
+        np.testing.assert_allclose(manyflux_diffuse_reflectance(*stack, **given), 1.0, atol=1e-10)
+
+
+def test_reciprocity_and_table():
+    """Light and eye change places; a table holds what single calls give."""
+    cos, azimuth = np.array([1.0, 0.8, 0.3]), np.array([0.0, 70.0, 180.0])
+    stack = [0.95, 0.6], [0.7, 2.0], 0.4
+    given: dict[str, Any] = {"phase": jnp.stack([PHASES["forward"][:30], PHASES["backward"][:30]]), "streams": 6}
+    table = np.pi * np.asarray(brdf_table(*stack, cos_incidence=cos, cos_viewing=cos, azimuth=azimuth, **given))
+    np.testing.assert_allclose(table, np.swapaxes(table, 0, 1), atol=1e-12)
+    one = manyflux_reflectance_factor(*stack, cos_incidence=0.8, cos_viewing=0.3, azimuth=70.0, **given)
+    np.testing.assert_allclose(one, table[2, 1, 1], atol=1e-12)
+
+
+def test_thin_layer_scatters_once():
+    """Over black, with the whole phase function: q p(T)/(4 (mu + mu')) times the slant, however thin."""
+    g, mu_i, mu_v, turn = 0.8, 0.9, 0.5, 40.0
+    cosine = np.sqrt((1 - mu_i**2) * (1 - mu_v**2)) * np.cos(np.deg2rad(turn)) - mu_i * mu_v
+    p = (1 - g**2) / (1 - 2 * g * cosine + g**2) ** 1.5
+    for thickness in (1e-6, 1e-12):
+        found = manyflux_reflectance_factor(
+            [0.7],
+            [thickness],
+            0.0,
+            phase=PHASES["forward"],
+            refractive_index=1.0,
+            cos_incidence=mu_i,
+            cos_viewing=mu_v,
+            azimuth=turn,
+            streams=8,
+        )
+        assert found == pytest.approx(0.7 * p * thickness / (4 * mu_i * mu_v), rel=1e-5)
+
+
+def test_layers_of_equal_paint_join():
+    phase = PHASES["two lobes"]
+    given: dict[str, Any] = {"phase": phase, "cos_incidence": 0.7, "cos_viewing": 0.5, "azimuth": 30.0, "streams": 8}
+    whole = manyflux_reflectance_factor([0.9], [2.0], 0.3, **given)
+    parts = manyflux_reflectance_factor([0.9, 0.4, 0.9], [0.3, 0.0, 1.7], 0.3, **given)
+    np.testing.assert_allclose(parts, whole, atol=1e-12)
+
+
+def test_slopes():
+    """By albedo, thickness, ground and g, against differences; finite where albedo is one and a layer is empty."""
+
+    def value(x):
+        return manyflux_reflectance_factor(
+            x[:2],
+            x[2:4],
+            x[4],
+            phase=henyey_greenstein(x[5], 12),
+            cos_incidence=0.8,
+            cos_viewing=0.6,
+            azimuth=50.0,
+            streams=6,
+        )
+
+    slope = jax.jit(jax.grad(value))
+    x = np.array([0.9, 0.6, 0.4, 1.2, 0.5, 0.6])
+    steps = 1e-3 * np.eye(6)
+    moved = jax.jit(jax.vmap(value))(jnp.asarray(x + CENTRAL[0][:, None, None] * steps).reshape(-1, 6)).reshape(8, 6)
+    np.testing.assert_allclose(slope(x), CENTRAL[1] @ np.asarray(moved) / 1e-3, atol=1e-9)
+    assert np.all(np.isfinite(slope(np.array([1.0, 0.0, 0.0, 5.0, 1.0, 0.0]))))
+
+
+def test_errors_name_the_value():
+    stack = [0.5], [1.0], 0.3
+    with pytest.raises(ValueError, match="does not split"):
+        split_reflectance_factor(*stack, method="manyflux")
+    with pytest.raises(ValueError, match="phase begins with 2"):
+        manyflux_reflectance_factor(*stack, phase=[2.0, 0.5])
+    with pytest.raises(ValueError, match="phase has 3 layers"):
+        manyflux_reflectance_factor(*stack, phase=np.ones((3, 1)))
+    with pytest.raises(ValueError, match="cos_incidence holds 45"):
+        manyflux_reflectance_factor(*stack, cos_incidence=45.0)
+    with pytest.raises(ValueError, match="streams is 1"):
+        manyflux_reflectance_factor(*stack, streams=1)
+    with pytest.raises(ValueError, match="refractive_index must be a number"):
+        manyflux_reflectance_factor(*stack, refractive_index=np.array([1.5, 1.6]))  # pyright: ignore[reportArgumentType]
+    with pytest.raises(ValueError, match="cos_viewing must be one axis"):
+        brdf_table(*stack, cos_incidence=[1.0], cos_viewing=1.0)
