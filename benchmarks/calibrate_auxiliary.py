@@ -1,6 +1,6 @@
-"""Worst error of the auxiliary method's mesh at each tolerance, against discrete ordinates with far more directions.
+"""Worst error of the auxiliary method's mesh at each tolerance, against discrete ordinates with errors below 1e-10.
 
-    python -m benchmarks.calibrate_auxiliary [--stacks 1000] [--tolerances 1e-4 1e-6]
+    python -m benchmarks.calibrate_auxiliary [--stacks 1000] [--tolerances 1e-4 1e-6] [--out FOLDER]
 
 The two share no approximation: here kernels are exponential integrals on a graded mesh in depth, there directions are
 discrete and depth is exact. Prints for each row of `glazejax.radiative.auxiliary_graded` the largest and the median
@@ -14,7 +14,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from benchmarks.calibrate_directions import FINEST, both, random_stacks
+from benchmarks.calibrate_directions import known, random_stacks
+from benchmarks.results import Results, add_option
+from benchmarks.timing import environment
 from glazejax.radiative import auxiliary_graded
 from glazejax.radiative.ordinates import Stack
 from glazejax.radiative.panels import Mesh
@@ -53,18 +55,18 @@ def main() -> None:
     parser.add_argument("--tolerances", type=float, nargs="*", help="of all rows if not given")
     parser.add_argument("--thickest", type=float, nargs="*", default=THICKEST)
     parser.add_argument("--indices", type=float, nargs="*", default=INDICES)
+    add_option(parser)
     given = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
-    print(f"{given.stacks} stacks of 1 or 2 layers a cell; worst error / tolerance of the reflectance factor and of")
-    print("the hemispherical reflectance, then the median error of the first")
+    say = Results("calibrate_auxiliary", given.out)
+    say(environment())
+    say(f"{given.stacks} stacks of 1 or 2 layers a cell; worst error / tolerance of the reflectance factor and of")
+    say("the hemispherical reflectance, then the median error of the first")
     rows = given.tolerances or [row.tolerance for row in auxiliary_graded._ROWS]
     for thickest in given.thickest:
         stacks = stacks_of(given.stacks, thickest)
-        print(f"\nlayers up to D = {thickest:g}\ntolerance  " + "".join(f"{n:>26}" for n in given.indices))
-        finest = {
-            n: both(stacks, n, FINEST._replace(total=0) if n == 1 else FINEST, 1.0 if n == 1 else None)
-            for n in given.indices
-        }
+        say(f"\nlayers up to D = {thickest:g}\ntolerance  " + "".join(f"{n:>26}" for n in given.indices))
+        finest = {n: known(stacks, n, 1e-10)[0] for n in given.indices}
         for tolerance in rows:
             cells = []
             for n in given.indices:
@@ -73,7 +75,8 @@ def main() -> None:
                 error = jnp.abs(found - finest[n])
                 worst = jnp.max(error, axis=1) / tolerance
                 cells.append(f"{worst[0]:9.3f}{worst[1]:8.3f}{jnp.median(error[0]):9.0e}")
-            print(f"{tolerance:<11.0e}" + "".join(cells), flush=True)
+            say(f"{tolerance:<11.0e}" + "".join(cells))
+    say.save()
 
 
 if __name__ == "__main__":

@@ -195,8 +195,12 @@ _ROWS = (
 _DEPTHS = (2.0, 8.0, 40.0)
 # The thicker the layer, the more its widest panels matter rather than its narrowest.
 _RATIOS = (0.25, 0.37, 0.5)
-# Below this index beams may graze inside, too: their decay needs narrower panels.
-_GRAZING = 1.1
+# Below these indices beams may graze inside, too: their decay needs more and narrower panels at each face.
+_GRAZING = ((1.01, 4), (1.1, 2))
+# With so many, their growth matters more than the first one's width.
+_GRAZING_RATIO = 0.4
+# So do the faces of layers so thick that their interior has panels of its own.
+_FACES_OF_THICK = 3
 
 
 def resolve(tolerance: float, thickest: float, lowest_index: float) -> Mesh:
@@ -209,13 +213,16 @@ def resolve(tolerance: float, thickest: float, lowest_index: float) -> Mesh:
     """
     row = next((row for row in _ROWS if row.tolerance <= tolerance * (1 + 1e-9)), _ROWS[-1])
     kind = min(int(np.searchsorted(_DEPTHS, thickest)), 2)
-    graded = row.graded[kind] + 2 * (lowest_index < _GRAZING)
-    return Mesh(row.nodes, row.points, graded, _RATIOS[kind], thickest > _DEPTHS[-1])
+    interior = thickest > _DEPTHS[-1]
+    grazing = next((more for index, more in _GRAZING if lowest_index < index), 0)
+    graded = row.graded[kind] + grazing + _FACES_OF_THICK * interior
+    ratio = max(_RATIOS[kind], _GRAZING_RATIO) if lowest_index < _GRAZING[0][0] else _RATIOS[kind]
+    return Mesh(row.nodes, row.points, graded, ratio, interior)
 
 
 def bytes_each(mesh: Mesh, layers: int, itemsize: int) -> int:
     """Memory that one stack's largest arrays take."""
-    panels = layers * (2 * mesh.graded + (9 if mesh.interior else 0))
+    panels = layers * (2 * mesh.graded + (13 if mesh.interior else 0))
     nodes = panels * mesh.nodes
     return itemsize * (4 * nodes**2 + 2 * nodes * panels * mesh.points)
 

@@ -170,10 +170,10 @@ class Panels(NamedTuple):
 
 
 # Depth beyond which only the slowest mode of a layer is left, in mean free paths.
-_BOUNDARY_LAYER = 15.0
+_BOUNDARY_LAYER = 22.0
 # Where that has died away too, in its decay lengths, and the edges of the panels up to there.
 _GONE = 30.0
-_INTERIOR = np.array([1.0, 4.0, 11.0, 25.0]) / 25.0
+_INTERIOR = np.array([0.4, 1.2, 3.0, 6.5, 13.0, 25.0]) / 25.0
 
 
 def _half_layer(depth: Array, albedo: Array, slant: Array, mesh: Mesh) -> Array:
