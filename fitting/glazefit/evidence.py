@@ -10,19 +10,10 @@ tails that paint needs.
 `Nothing in the catalogue` competes on the same terms: any smooth spectrum, without a paint behind it.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import ArrayLike, Float, Int
-
-from glazejax import Pigment
-
-# Errors of a logarithm beyond this say no more than that nothing is known.
-_LARGEST = 1.0
-# Over which the strength of an opaque paint stays alike, nm.
-_COMMON_LENGTH = 60.0
+from jaxtyping import Float
 
 
 @dataclass(frozen=True)
@@ -47,13 +38,13 @@ class Discrepancy:
 
     coefficient: float = 0.3
     coefficient_length: float = 60.0
-    amplitude: float = 0.01
-    length: float = 60.0
+    amplitude: float = 0.02
+    length: float = 100.0
     shared: float = 0.8
     scales: tuple[float, ...] = (0.25, 0.5, 1.0, 2.0)
     weights: tuple[float, ...] = (0.1, 0.3, 0.4, 0.2)
     gloss: float = 1.0
-    gloss_sd: float = 0.15
+    gloss_sd: float = 0.3
     screening: float = 0.04
 
     def __post_init__(self) -> None:
@@ -86,7 +77,7 @@ class Prior:
     thickness: float = 25e-6
     spread: float = 0.7
     concentration: float = 1.0
-    sizes: tuple[float, ...] = (0.4, 0.45, 0.15)
+    sizes: tuple[float, ...] = (0.4, 0.55, 0.05)
     stacked: float = 0.3
     unknown: float = 0.05
 
@@ -116,67 +107,22 @@ def model_covariance(
     return amplitude**2 * np.kron(cards, smooth_kernel(wavelengths, discrepancy.length))
 
 
-class CoefficientErrors(NamedTuple):
-    """How well a catalogue knows its paints, as standard deviations of log k and log s, (paints, bands) each."""
-
-    common: np.ndarray  # of both alike: k/s is known better than either, as in an opaque film
-    absorption: np.ndarray  # of k alone
-    scattering: np.ndarray
-
-    @classmethod
-    def of(cls, pigments: Sequence[Pigment]) -> "CoefficientErrors":
-        """From the standard deviations that pigments carry, if they do.
-
-        A pigment does not say how its errors go together. Where both are large it was opaque, and only its k/s is
-        known: what they have in common is the smaller of the two.
-        """
-
-        def share(sd: ArrayLike | None, value: ArrayLike) -> np.ndarray:
-            if sd is None:
-                return np.zeros(np.shape(value))
-            return np.minimum(np.asarray(sd) / np.maximum(np.asarray(value), 1e-9), _LARGEST)
-
-        k = np.stack([share(p.absorption_sd, p.absorption) for p in pigments])
-        s = np.stack([share(p.scattering_sd, p.scattering) for p in pigments])
-        common = np.minimum(k, s)
-        return cls(common, np.sqrt(k**2 - common**2), np.sqrt(s**2 - common**2))
-
-
 def coefficient_covariance(
-    slopes: Float[np.ndarray, "*n errors readings"],
-    members: Int[np.ndarray, "*n size"],
-    known: CoefficientErrors,
-    wavelengths: Float[np.ndarray, "bands"],
-    discrepancy: Discrepancy,
+    slopes: Float[np.ndarray, "*n errors readings"], wavelengths: Float[np.ndarray, "bands"], discrepancy: Discrepancy
 ) -> Float[np.ndarray, "*n readings readings"]:
-    """Covariance that errors of paints' k and s cause, smooth in the wavelength and independent between paints.
+    """Covariance that errors of paints' k and s cause, each smooth in the wavelength and independent of the others.
+
+    The standard deviations that pigments carry do not come into it: they are smaller, and films that were left out
+    were identified no better with them.
 
     Args:
-        slopes: of the readings by the log of each paint's k, then of each one's s, band by band.
-        members: numbers of the paints.
-        known: how well the catalogue knows them.
+        slopes: of the readings by the log of each coefficient, band by band.
         wavelengths: (bands,), nm.
-        discrepancy: size and length of what no catalogue states.
+        discrepancy: size and length of the errors.
     """
-    grounds, size = slopes.shape[-1] // wavelengths.size, members.shape[-1]
-
-    def kernel(length: float) -> np.ndarray:
-        return np.tile(smooth_kernel(wavelengths, length), (grounds, grounds))
-
-    def spread(sd: np.ndarray) -> np.ndarray:
-        return np.tile(sd[members], grounds)
-
-    by_k, by_s = slopes[..., :size, :], slopes[..., size:, :]
-    own = np.concatenate(
-        [
-            by_k * np.hypot(discrepancy.coefficient, spread(known.absorption)),
-            by_s * np.hypot(discrepancy.coefficient, spread(known.scattering)),
-        ],
-        axis=-2,
-    )
-    both = (by_k + by_s) * spread(known.common)
-    covariance = (np.swapaxes(own, -1, -2) @ own) * kernel(discrepancy.coefficient_length)
-    return covariance + (np.swapaxes(both, -1, -2) @ both) * kernel(_COMMON_LENGTH)
+    grounds = slopes.shape[-1] // wavelengths.size
+    smooth = np.tile(smooth_kernel(wavelengths, discrepancy.coefficient_length), (grounds, grounds))
+    return discrepancy.coefficient**2 * (np.swapaxes(slopes, -1, -2) @ slopes) * smooth
 
 
 def noise_covariance(

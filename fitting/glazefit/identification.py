@@ -21,7 +21,7 @@ from glazejax.media import MAX_THICKNESS
 from glazejax.radiative.fresnel import dielectric_reflectance
 
 from .candidates import Paints
-from .evidence import CoefficientErrors, Discrepancy, Prior, log_none, model_covariance, noise_covariance
+from .evidence import Discrepancy, Prior, log_none, model_covariance, noise_covariance
 from .films import Films, Instrument, Noise, cards
 from .identify_inputs import Measured, check_pigments, check_spectra
 from .identify_result import Identification, Pool
@@ -87,7 +87,6 @@ def identify_chunks(
     task = Task(
         film_response(seen_by, instrument.refractive_index),
         _paints(known, prior.thickness),
-        CoefficientErrors.of(known),
         measured.wavelengths,
         _optics(seen_by, instrument.refractive_index),
         instrument.surface if seen_by.specular else 0.0,

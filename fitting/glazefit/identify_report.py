@@ -78,10 +78,16 @@ def _table(found: Identification, row: int, top: int) -> Table:
     for candidate in found.ranked(row, top):
         cells = [_chance(candidate.probability)]
         if not found.opaque:
-            cells.append(f"{candidate.thickness * 1e6:.3g} ± {candidate.thickness_sd * 1e6:.1g} µm")
+            cells.append(f"{_length(candidate.thickness)} ± {_length(candidate.thickness_sd)} µm")
         colour = "-" if np.isnan(candidate.delta_e) else f"{candidate.delta_e:.2f}"
         table.add_row(candidate.words, *cells, f"{candidate.rmse:.4f}", f"{candidate.angle:.2f}°", colour)
     return table
+
+
+def _length(metres: float) -> str:
+    """Micrometres, without a power of ten."""
+    value = metres * 1e6
+    return f"{value:.0f}" if value >= 9.5 else f"{value:.1f}" if value >= 0.95 else f"{value:.2f}"
 
 
 def _chance(probability: float) -> str:
@@ -165,7 +171,7 @@ def _draw(found: Identification, row: int, candidates: list[Candidate], axes: np
     values = [*shown, max(0.0, 1.0 - sum(shown) - found.none[row]), found.none[row]]
     colours = [*_COLOURS[: len(candidates)], "0.7", "0.3"]
     chances.barh(np.arange(len(names)), values, color=colours)
-    chances.set(xlim=(0, 1), xlabel="probability", ylim=(len(names) - 0.4, -0.6))
+    chances.set(xlim=(0, 1), xlabel="probability", ylim=(len(names) - 0.4, -0.85))
     chances.set_yticks([])
     for place, name in enumerate(names):
         chances.text(0.01, place - 0.42, name, fontsize=7.5, va="bottom", ha="left")

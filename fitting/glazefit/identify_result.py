@@ -49,6 +49,8 @@ class Candidate:
         """Such as ``90 % ZincWhite + 10 % Eosin``, or ``Eosin over ZincWhite (30 : 70)``."""
         upper = [i for i, coat in enumerate(self.coats) if coat == 0]
         lower = [i for i, coat in enumerate(self.coats) if coat == 1]
+        if len(self.paints) == 1:
+            return self.paints[0]
         if not lower:
             return " + ".join(f"{percent(f)} {p}" for p, f in zip(self.paints, self.fractions, strict=True))
         sides = [" + ".join(f"{percent(self.fractions[i])} {self.paints[i]}" for i in coat) for coat in (upper, lower)]
@@ -58,15 +60,9 @@ class Candidate:
 def percent(fraction: float) -> str:
     """A fraction with as many digits as a small part needs."""
     value = 100 * float(fraction)
-    return (
-        f"{value:.0f} %"
-        if 9.5 <= value <= 90.5
-        else f"{value:.1f} %"
-        if 0.95 <= value <= 99.05
-        else f"{value:.2g} %"
-        if value < 1
-        else f"{value:.2f} %"
-    )
+    rest = min(value, 100 - value)  # what the digits must show
+    digits = 0 if rest >= 9.5 else 1 if rest >= 0.95 else 2
+    return f"{value:.{digits}f} %"
 
 
 @dataclass(frozen=True)

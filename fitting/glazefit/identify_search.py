@@ -10,7 +10,6 @@ from jaxtyping import Bool, Float, Int
 
 from .candidates import Paints, Search, amounts_grid, grow, score, screen, sets_of, unique_best
 from .evidence import (
-    CoefficientErrors,
     Discrepancy,
     Prior,
     Whitening,
@@ -45,7 +44,6 @@ class Task(NamedTuple):
 
     response: FilmResponse
     paints: Paints
-    known_to: CoefficientErrors
     wavelengths: Float[np.ndarray, "bands"]
     optics: Optics
     surface: float  # what a smooth surface adds to a reading
@@ -112,13 +110,12 @@ def own_errors(
     task: Task,
     readings: Float[np.ndarray, "spectra grounds bands"],
     slopes: Float[np.ndarray, "spectra sets errors readings"],
-    members: Int[np.ndarray, "spectra sets size"],
 ) -> Whitening:
     """Errors of each candidate, from what its paints' coefficients do to the readings."""
     d = task.discrepancy
     model = model_covariance(task.wavelengths, readings.shape[1], d, d.amplitude)
     fixed = noise_covariance(task.noise.sd(readings), task.surface, d)[:, None]
-    scaled = model + coefficient_covariance(slopes, members, task.known_to, task.wavelengths, d)
+    scaled = model + coefficient_covariance(slopes, task.wavelengths, d)
     return whiten(np.broadcast_to(fixed, scaled.shape), scaled, d)
 
 
@@ -198,7 +195,7 @@ def _refit(task: Task, pool: Pool, readings: np.ndarray, ground: jax.Array) -> P
     sets = jnp.asarray(pool.members)
     logs = jnp.asarray(np.where(pool.members == NOBODY, 0.0, pool.logs), float)
     slopes = np.asarray(coat_slopes(task.response, task.paints, sets, logs, ground))
-    weights = weights_of(task, readings, own_errors(task, readings, slopes, pool.members))
+    weights = weights_of(task, readings, own_errors(task, readings, slopes))
     fitted = fit_sets(task.response, task.paints, sets, logs, ground, weights, task.middle, own=True)
     size = (pool.members != NOBODY).sum(axis=-1)
     share = np.asarray([-np.inf, *(task.log_set(n) for n in range(1, task.max_paints + 1))])
@@ -293,7 +290,7 @@ def _fit_stacks(
     fitted = None
     for _ in range(_ROUNDS):
         slopes = np.asarray(stack_slopes(*films, logs, ground, task.optics))
-        own = weights_of(task, readings, own_errors(task, readings, slopes, sets))
+        own = weights_of(task, readings, own_errors(task, readings, slopes))
         fitted = fit_stacks(*films, logs, ground, own, task.optics, task.middle)
         logs = fitted.logs
     assert fitted is not None

@@ -142,7 +142,9 @@ def test_opaque_films_need_no_ground(paints):
 def test_a_45_0_instrument_sees_no_surface(paints):
     film = Glaze([Layer(Mixture(paints[:3:2], [0.8, 0.2]), UNIT)], 0.9)
     spectrum = np.asarray(reflectance(film, Bidirectional(45, 0)))
-    found = identify(spectrum, GRID, paints, grounds=0.9, geometry=Bidirectional(45, 0), max_paints=2)
+    sure = Discrepancy(coefficient=0.02, amplitude=0.001, screening=0.005)
+    options = {"geometry": Bidirectional(45, 0), "discrepancy": sure, "max_paints": 2}
+    found = identify(spectrum, GRID, paints, grounds=0.9, **options)
     first = found.ranked(0)[0]
     assert set(first.paints) == {"ZincWhite", "Vermillion"}
     assert first.fractions.max() == pytest.approx(0.8, abs=0.03)
