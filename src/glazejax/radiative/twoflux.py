@@ -3,6 +3,9 @@
 K and S are not the k and s of radiative transfer: see `kubelka_munk_from_radiative`.
 """
 
+from typing import NamedTuple
+
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
@@ -57,10 +60,116 @@ def saunderson(reflectance: ArrayLike, outer: ArrayLike = 0.04, inner: ArrayLike
     return (1.0 - outside) * (1.0 - inside) * r / (1.0 - inside * r)
 
 
-def kubelka_munk_from_radiative(absorption: ArrayLike, scattering: ArrayLike) -> tuple[Array, Array]:
-    """Kubelka-Munk's K and S for k and s of radiative transfer: K = 2 k, S = 3 s/4.
+class TwoFluxSlab(NamedTuple):
+    """What any joined layers do to diffuse light from above and from below, each (...)."""
 
-    Good for isotropic scattering, diffuse light and layers that scatter far more than they absorb (Gate 1974).
+    above: Array
+    """Reflectance for light from above, R21 of paper C."""
+    below: Array
+    """Reflectance for light from below, R12."""
+    down: Array
+    """Transmittance downwards, R11."""
+    up: Array
+    """Transmittance upwards, R22."""
+
+
+def two_flux_slab(absorption: ArrayLike, scattering: ArrayLike) -> TwoFluxSlab:
+    """A homogeneous layer, the same from both sides; arguments as for `two_flux_layer`."""
+    reflectance, transmittance = two_flux_layer(absorption, scattering)
+    return TwoFluxSlab(reflectance, reflectance, transmittance, transmittance)
+
+
+def two_flux_surface(outer: ArrayLike = 0.04, inner: ArrayLike = 0.6) -> TwoFluxSlab:
+    """A smooth surface, air above and paint below: Saunderson's correction as a slab like any other.
+
+    Args:
+        outer: Fresnel reflectance for light from the air, (...).
+        inner: for diffuse light from inside, (...).
     """
-    k, s = jnp.asarray(absorption), jnp.asarray(scattering)
-    return 2.0 * k, 0.75 * s
+    out, inside = jnp.broadcast_arrays(jnp.asarray(outer, float), jnp.asarray(inner, float))
+    return TwoFluxSlab(out, inside, 1.0 - out, 1.0 - inside)
+
+
+def two_flux_join(upper: TwoFluxSlab, lower: TwoFluxSlab) -> TwoFluxSlab:
+    """Two slabs as one.
+
+    Source: paper C, equation (14) with its misprints put right; unlike (12) it needs no slab to let light through.
+    """
+    between = 1.0 / (1.0 - upper.below * lower.above)
+    return TwoFluxSlab(
+        upper.above + upper.up * between * lower.above * upper.down,
+        lower.below + lower.down * between * upper.below * lower.up,
+        lower.down * between * upper.down,
+        upper.up * between * lower.up,
+    )
+
+
+def two_flux_stack(absorption: ArrayLike, scattering: ArrayLike) -> TwoFluxSlab:
+    """Layers on the last axis, top first, joined pairwise in parallel; K d and S d as for `two_flux_layer`."""
+    slabs = jax.tree.map(lambda leaf: jnp.moveaxis(leaf, -1, 0), two_flux_slab(absorption, scattering))
+    return jax.tree.map(lambda leaf: leaf[-1], jax.lax.associative_scan(two_flux_join, slabs))
+
+
+def two_flux_field(
+    absorption: ArrayLike, scattering: ArrayLike, share: ArrayLike, substrate_reflectance: ArrayLike = 0.0
+) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"]]:
+    """Downward and upward flux inside a layer on a ground, for diffuse light of flux one from above, no surface.
+
+    Args:
+        absorption, scattering: K d and S d of the whole layer, (...), >= 0.
+        share: depth over thickness, (...), in [0, 1].
+        substrate_reflectance: (...), in [0, 1].
+
+    Source: paper C, equation (9), as the light between the part above and the part below: nothing overflows.
+    """
+    k, s, part, ground = jnp.broadcast_arrays(
+        *(jnp.asarray(x, float) for x in (absorption, scattering, share, substrate_reflectance))
+    )
+    reflectance, transmittance = two_flux_layer(part * k, part * s)
+    below = two_flux_reflectance((1.0 - part) * k, (1.0 - part) * s, ground)
+    down = transmittance / (1.0 - reflectance * below)
+    return down, below * down
+
+
+def transfer_from_slab(slab: TwoFluxSlab) -> Float[Array, "*batch 2 2"]:
+    """Matrix that takes (down, up) above a slab to (down, up) below it; the slab must let light through.
+
+    Source: paper C, equation (12) with A21 = -R21/R22 (printed with R12).
+    """
+    first = jnp.stack([slab.down - slab.below * slab.above / slab.up, slab.below / slab.up], axis=-1)
+    return jnp.stack([first, jnp.stack([-slab.above / slab.up, 1.0 / slab.up], axis=-1)], axis=-2)
+
+
+def slab_from_transfer(transfer: Float[Array, "*batch 2 2"]) -> TwoFluxSlab:
+    """The inverse of `transfer_from_slab`: paper C, equation (13)."""
+    a11, a12, a21, a22 = (transfer[..., i, j] for i in (0, 1) for j in (0, 1))
+    return TwoFluxSlab(-a21 / a22, a12 / a22, a11 - a12 * a21 / a22, 1.0 / a22)
+
+
+def kubelka_munk_from_radiative(
+    absorption: ArrayLike, scattering: ArrayLike, mean_cosine: ArrayLike = 0.0
+) -> tuple[Array, Array]:
+    """Kubelka-Munk's K and S for k and s of radiative transfer: K = 2 k, S = 3 s (1 - g)/4.
+
+    Good where all of this holds (Gate 1974): light falls in diffusely, the layer is thick against 1/(s (1 - g)) and
+    scatters far more than it absorbs, and no surface turns the light back (that is `saunderson`'s part). Against the
+    many-flux solution at g = .5 the reflectance is then off by .3 % at an albedo of .99, by 2 to 4 % below .9, by 3 %
+    at a thickness of 1.5/(s (1 - g)) and by 20 % at a tenth of that: it is the limit of diffusion, a first guess.
+
+    Args:
+        absorption, scattering: k and s, (...), >= 0, in any common unit.
+        mean_cosine: g of the phase function, (...), in (-1, 1): only s (1 - g) counts.
+    """
+    k, s, g = (jnp.asarray(x) for x in (absorption, scattering, mean_cosine))
+    return 2.0 * k, 0.75 * s * (1.0 - g)
+
+
+def radiative_from_kubelka_munk(
+    absorption: ArrayLike, scattering: ArrayLike, mean_cosine: ArrayLike = 0.0
+) -> tuple[Array, Array]:
+    """k and s of radiative transfer for K and S: the inverse of `kubelka_munk_from_radiative`, on its conditions.
+
+    K and S fix only s (1 - g): the phase function must be known or be taken to be isotropic.
+    """
+    k, s, g = (jnp.asarray(x) for x in (absorption, scattering, mean_cosine))
+    return 0.5 * k, s / (0.75 * (1.0 - g))
