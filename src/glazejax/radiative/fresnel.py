@@ -1,4 +1,4 @@
-"""Smooth dielectric interfaces for unpolarised light.
+"""Smooth interfaces, of dielectrics and of metals, for unpolarised light.
 
 The functions take numpy or JAX arrays and answer in kind, so that tables for a fixed index are made once, in
 double precision, outside the compiled program.
@@ -55,3 +55,83 @@ def dielectric_reflectance(
     s = (cos_incidence - n_cos_medium) / (cos_incidence + n_cos_medium)
     p = (n**2 * cos_incidence - n_cos_medium) / (n**2 * cos_incidence + n_cos_medium)
     return 0.5 * (s**2 + p**2)
+
+
+def conductor_reflectance(
+    cos_incidence: float | Float[Array | np.ndarray, "*batch"],
+    refractive_index: float | Float[Array | np.ndarray, "*batch"],
+    extinction: float | Float[Array | np.ndarray, "*batch"],
+) -> Float[Array, "*batch"]:
+    """Fresnel reflectance of a smooth metal of complex index n + ik, for unpolarised light from air.
+
+    Args:
+        cos_incidence: cosine of the angle of incidence in air, (...), in [0, 1].
+        refractive_index: n, (...), > 0.
+        extinction: k, (...), >= 0. With k = 0 this is a dielectric of any n, total reflection included.
+
+    Returns:
+        Reflectance in [0, 1], (...).
+
+    Source: paper B, eqs (11)-(15), with a and b as they follow from (a + ib)^2 = (n + ik)^2 - sin^2(theta); the
+    printed (14) and (15) have the root of the sum in pieces. See also M. Born, E. Wolf, Principles of Optics, 14.2.
+    """
+    xp = array_module(cos_incidence, refractive_index, extinction)
+    n, k, c = refractive_index, extinction, cos_incidence
+    sin2 = (1.0 - c) * (1.0 + c)
+    # (a + ib)^2 = t + 2i n k; the larger of a and b by its root, the other by their product, so that no digit is lost.
+    t = (n - k) * (n + k) - sin2
+    square = t**2 + (2.0 * n * k) ** 2
+    nothing = square <= 0.0  # at the critical angle of no metal, where roots would have no slope
+    larger = xp.sqrt(0.5 * (xp.sqrt(xp.where(nothing, 1.0, square)) + abs(t)))
+    smaller = n * k / larger
+    a = xp.where(nothing, 0.0, xp.where(t >= 0.0, larger, smaller))
+    b = xp.where(nothing, 0.0, xp.where(t >= 0.0, smaller, larger))
+    s = ((a - c) ** 2 + b**2) / ((a + c) ** 2 + b**2)
+    # (13), times cos^2 above and below: sin tan has no bound where light grazes.
+    ratio = ((a * c - sin2) ** 2 + (b * c) ** 2) / ((a * c + sin2) ** 2 + (b * c) ** 2)
+    return 0.5 * s * (1.0 + ratio)
+
+
+def cook_torrance_reflectance(
+    cos_incidence: float | Float[Array | np.ndarray, "*batch"],
+    normal_reflectance: float | Float[Array | np.ndarray, "*batch"],
+) -> Float[Array, "*batch"]:
+    """Cook and Torrance's estimate: the dielectric that reflects as much at normal incidence.
+
+    Args:
+        cos_incidence: cosine of the angle of incidence, (...), in (0, 1].
+        normal_reflectance: measured at normal incidence, (...), in [0, 1). Poor for metals, see paper B.
+
+    Returns:
+        Reflectance in [0, 1], (...).
+
+    Source: paper B, eqs (16)-(18); its (16) is `dielectric_reflectance` at the index of (18).
+    """
+    xp = array_module(cos_incidence, normal_reflectance)
+    root = xp.sqrt(normal_reflectance)
+    return dielectric_reflectance(cos_incidence, (1.0 + root) / (1.0 - root))
+
+
+def hall_reflectance(
+    cos_incidence: float | Float[Array | np.ndarray, "*batch"],
+    normal_reflectance: float | Float[Array | np.ndarray, "*batch"],
+    mean_normal_reflectance: float | Float[Array | np.ndarray, "*batch"],
+) -> Float[Array, "*batch"]:
+    """Hall's estimate: from normal incidence to 1 along the curve of one metal of index 1 + ik for all wavelengths.
+
+    Args:
+        cos_incidence: cosine of the angle of incidence, (...), in [0, 1].
+        normal_reflectance: measured at normal incidence, (...), in [0, 1].
+        mean_normal_reflectance: its mean over the wavelengths, (...), in [0, 1).
+
+    Returns:
+        Reflectance in [0, 1], (...).
+
+    Source: paper B, eqs (19)-(23), with n = 1.
+    """
+    mean, c = mean_normal_reflectance, cos_incidence
+    square = 1.0 + 4.0 * mean / (1.0 - mean)  # n^2 + k^2, with (23)
+    s = (square - 2.0 * c + c**2) / (square + 2.0 * c + c**2)
+    p = (square * c**2 - 2.0 * c + 1.0) / (square * c**2 + 2.0 * c + 1.0)
+    rise = (0.5 * (s + p) - mean) / (1.0 - mean)
+    return normal_reflectance + (1.0 - normal_reflectance) * rise
