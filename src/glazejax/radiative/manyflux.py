@@ -20,7 +20,7 @@ from jaxtyping import Array, Float
 
 from glazejax.radiative import manyflux_solve
 from glazejax.radiative.inputs import Numbers, at_least_one_layer, batch_shape, check_tolerance, check_values, concrete
-from glazejax.radiative.manyflux_effort import Effort, choose_effort
+from glazejax.radiative.manyflux_effort import Effort, Solution, choose_effort
 from glazejax.radiative.manyflux_solve import Layers
 from glazejax.radiative.phase import check_moments, isotropic
 
@@ -40,6 +40,7 @@ def manyflux_reflectance_factor(
     azimuth: Float[Numbers, "*batch"] = 0.0,
     tolerance: float = 1e-6,
     streams: int | None = None,
+    solution: Solution = "doubling",
 ) -> Float[Array, "*batch"]:
     """Reflectance factor pi L_out/E_in of layers with any phase function under a smooth surface.
 
@@ -55,6 +56,7 @@ def manyflux_reflectance_factor(
             the side of the mirror direction, 180 back towards the light.
         tolerance: absolute error wanted, a Python number: picks the directions, moments and modes.
         streams: number of directions in each hemisphere, instead of those for the tolerance.
+        solution: of the layers: "doubling", or "modes" (eigenvectors): the same to some 1e-12.
 
     Returns:
         Reflectance factor, shape of the broadcast batch, without the surface's own reflection.
@@ -66,7 +68,16 @@ def manyflux_reflectance_factor(
     """
     given = {"cos_incidence": cos_incidence, "cos_viewing": cos_viewing}
     batch, call = _prepare(
-        albedo, optical_thickness, substrate_reflectance, phase, refractive_index, given, azimuth, tolerance, streams
+        albedo,
+        optical_thickness,
+        substrate_reflectance,
+        phase,
+        refractive_index,
+        given,
+        azimuth,
+        tolerance,
+        streams,
+        solution,
     )
     return _factors(call.layers, call.angles, call.options).reshape(batch)
 
@@ -81,6 +92,7 @@ def manyflux_hemispherical_reflectance(
     cos_incidence: Float[Numbers, "*batch"] = 1.0,
     tolerance: float = 1e-6,
     streams: int | None = None,
+    solution: Solution = "doubling",
 ) -> Float[Array, "*batch"]:
     """Flux that leaves over flux of a collimated beam, without the surface's own reflection.
 
@@ -98,6 +110,7 @@ def manyflux_hemispherical_reflectance(
         None,
         tolerance,
         streams,
+        solution,
     )
     return _fluxes(call.layers, call.angles, call.options).reshape(batch)
 
@@ -111,13 +124,23 @@ def manyflux_diffuse_reflectance(
     refractive_index: float = 1.5,
     tolerance: float = 1e-6,
     streams: int | None = None,
+    solution: Solution = "doubling",
 ) -> Float[Array, "*batch"]:
     """Flux that leaves over flux of light that falls in evenly from all sides (equal radiance).
 
     Args, returns and raises as for `manyflux_reflectance_factor`; the surface's own reflection is not included.
     """
     batch, call = _prepare(
-        albedo, optical_thickness, substrate_reflectance, phase, refractive_index, {}, None, tolerance, streams
+        albedo,
+        optical_thickness,
+        substrate_reflectance,
+        phase,
+        refractive_index,
+        {},
+        None,
+        tolerance,
+        streams,
+        solution,
     )
     return _diffuse(call.layers, call.options).reshape(batch)
 
@@ -134,6 +157,7 @@ def brdf_table(
     azimuth: Float[Numbers, "azimuths"] = (0.0,),
     tolerance: float = 1e-6,
     streams: int | None = None,
+    solution: Solution = "doubling",
 ) -> Float[Array, "*batch viewing incidence azimuths"]:
     """Table of the BRDF in 1/sr over angles of viewing, incidence and azimuth, each entry exact: one solution for all.
 
@@ -155,7 +179,17 @@ def brdf_table(
     check_values({name: axes[name] for name in ("cos_incidence", "cos_viewing")})
     least = _least_cosine(cos_incidence, cos_viewing)
     batch, call = _prepare(
-        albedo, optical_thickness, substrate_reflectance, phase, refractive_index, {}, 0.0, tolerance, streams, least
+        albedo,
+        optical_thickness,
+        substrate_reflectance,
+        phase,
+        refractive_index,
+        {},
+        0.0,
+        tolerance,
+        streams,
+        solution,
+        least,
     )
     dtype = call.layers.albedo.dtype
     seen, lit, turned = (jnp.asarray(a, dtype) for a in (cos_viewing, cos_incidence, azimuth))
@@ -186,6 +220,7 @@ def _prepare(
     azimuth: Any,
     tolerance: float,
     streams: int | None,
+    solution: Solution,
     least: float | None = None,
 ) -> tuple[tuple[int, ...], _Call]:
     """Checked arguments as a flat batch, and the batch's shape."""
@@ -233,6 +268,7 @@ def _prepare(
         least,
         streams,
         azimuthal=azimuth is not None,
+        solution=solution,
     )
     return batch, _Call(layers, flat, _Options(float(index), effort))
 

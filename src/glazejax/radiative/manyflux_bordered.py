@@ -121,6 +121,21 @@ class Bordered(NamedTuple):
         body = self.body * jnp.concatenate([factor.nodes, factor.viewing], axis=-1)[..., :, None]
         return Bordered(body, self.viewing * factor.viewing, self.incidence * factor.incidence)
 
+    def reweighted(self, viewing: Array, incidence: Array) -> "Bordered":
+        """With added directions of other weights: their roots' ratios, (..., v) and (..., i)."""
+        rows, columns = (
+            jnp.concatenate([jnp.ones((*x.shape[:-1], self.nodes), x.dtype), x], axis=-1) for x in (viewing, incidence)
+        )
+        return self._replace(body=self.body * rows[..., :, None] * columns[..., None, :])
+
+
+def diagonal(entries: "Diagonal") -> Bordered:
+    """A diagonal operator, such as what a smooth surface lets through."""
+    nodes, viewing, incidence = entries
+    count, rows, columns = (x.shape[-1] for x in (nodes, viewing, incidence))
+    body = jnp.zeros((*nodes.shape[:-1], count + rows, count + columns), nodes.dtype)
+    return Bordered(body.at[..., np.arange(count), np.arange(count)].set(nodes), viewing, incidence)
+
 
 class Diagonal(NamedTuple):
     """One number for each node and each added direction, such as the reflectance of a smooth surface."""

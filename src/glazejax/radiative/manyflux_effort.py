@@ -1,6 +1,6 @@
 """From the accuracy asked for to directions, Legendre moments, azimuth modes and doublings of the many-flux solver."""
 
-from typing import NamedTuple
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -15,6 +15,9 @@ _MOMENT_SHARE = 0.03
 THICKEST = 1e6
 """Layers whose thickness is traced may be this thick."""
 
+Solution = Literal["doubling", "modes"]
+"""Ways to the operators of a layer: `manyflux_layer` or `manyflux_modes`."""
+
 
 class Effort(NamedTuple):
     """How finely a stack is solved; static."""
@@ -25,7 +28,8 @@ class Effort(NamedTuple):
     """Legendre moments kept; what lies beyond is the forward peak of delta-M."""
     modes: int
     """Azimuth modes."""
-    doublings: int
+    doublings: int | None
+    """None: layers are solved by eigenvectors."""
 
 
 def choose_effort(
@@ -38,6 +42,7 @@ def choose_effort(
     streams: int | None,
     *,
     azimuthal: bool,
+    solution: Solution = "doubling",
 ) -> Effort:
     """Least effort for an accuracy.
 
@@ -50,10 +55,13 @@ def choose_effort(
         least_cosine: smallest cosine outside, of incidence or viewing.
         streams: number of directions in a hemisphere, if it is given.
         azimuthal: whether the result depends on the azimuth at all.
+        solution: of the layers.
 
     Raises:
-        ValueError: too few streams, or no directions good enough.
+        ValueError: too few streams, no directions good enough, or an unknown solution.
     """
+    if solution not in get_args(Solution):
+        raise ValueError(f"solution {solution!r} is unknown; use one of {', '.join(map(repr, get_args(Solution)))}")
     sizes = np.ones(terms) if moments is None else np.max(np.abs(moments).reshape(-1, terms), axis=0)
     # What a moment does to light scattered twice or more.
     twice = (2 * np.arange(terms) + 1) * sizes**2
@@ -68,7 +76,7 @@ def choose_effort(
     mu = np.asarray(spread_directions(index, directions).cosines)
     least = min(float(mu.min()), float(cos_refracted(least_cosine, index)))
     count = doublings(THICKEST if thickest is None else thickest, least)
-    return Effort(directions, kept, kept if azimuthal else 1, count)
+    return Effort(directions, kept, kept if azimuthal else 1, count if solution == "doubling" else None)
 
 
 def effort_for_indices(resolution: Resolution, low: float, high: float, thickest: float, least_cosine: float) -> Effort:

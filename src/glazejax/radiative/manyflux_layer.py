@@ -74,10 +74,17 @@ def _thin_layer(a: Bordered, b: Bordered, depth: Array) -> tuple[Bordered, Borde
 
     total, _ = jax.lax.scan(lower_power, total, jnp.asarray(_SERIES[-3::-1], depth.dtype))
     impedance = (first @ total).scaled(h).symmetric()
+    even, odd = (jax.tree.map(lambda leaf, i=i: leaf[i], impedance) for i in (0, 1))
+    return reflection_and_loss(even, odd)
+
+
+def reflection_and_loss(even: Bordered, odd: Bordered) -> tuple[Bordered, Bordered]:
+    """R and U = 1 - T of a layer from X and Y at its face, both symmetric."""
+    both: Bordered = jax.tree.map(lambda x, y: jnp.stack(jnp.broadcast_arrays(x, y)), even, odd)
     # Half of 2 X (1 + X)^-1 and the like.
-    halves = impedance @ impedance.plus_identity().inverse()
-    even, odd = (jax.tree.map(lambda leaf, i=i: leaf[i], halves) for i in (0, 1))
-    return (odd - even).symmetric(), (odd + even).symmetric()
+    halves = both @ both.plus_identity().inverse()
+    from_even, from_odd = (jax.tree.map(lambda leaf, i=i: leaf[i], halves) for i in (0, 1))
+    return (from_odd - from_even).symmetric(), (from_odd + from_even).symmetric()
 
 
 def _doubled(r: Bordered, loss: Bordered) -> tuple[Bordered, Bordered]:

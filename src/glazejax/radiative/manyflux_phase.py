@@ -57,14 +57,14 @@ def scattering(
     nodes: Float[Array, "*batch modes terms n"],
     viewing: Float[Array, "*batch modes terms v"],
     incidence: Float[Array, "*batch modes terms i"],
-    roots: Float[Array, "n"],
+    roots: Float[Array, "*batch n"],
 ) -> tuple[Float[Array, "*batch modes n+v n+i"], Float[Array, "*batch modes n+v n+i"]]:
     """Halved sum and difference of forward and backward scattering, C_even = (C+ + C-)/2 and C_odd = (C+ - C-)/2.
 
     Args:
         moments: chi_l, (..., terms).
         nodes, viewing, incidence: Lambda_l^m at the nodes and the added directions; batch axes broadcast.
-        roots: sqrt(w) of the nodes, (n,); added directions count as of weight one.
+        roots: sqrt(w) of the nodes, (..., n); added directions count as of weight one.
 
     Returns:
         Bodies of bordered matrices, (..., modes, n + v, n + i), symmetric in form.
@@ -76,7 +76,7 @@ def scattering(
     """
     modes, terms, count = nodes.shape[-3:]
     even = (np.arange(terms) - np.arange(modes)[:, None]) % 2 == 0
-    weighed = nodes * roots
+    weighed = nodes * roots[..., None, None, :]
     across = _joined(weighed, incidence)
     down = _joined(weighed, viewing)
     factors = ((2.0 * np.arange(terms) + 1.0) * moments)[..., None, :, None]
@@ -88,15 +88,19 @@ def scattering(
 
     c_even, c_odd = part(even), part(~even)
     zeroth = c_even[..., 0, :, :]
-    rows_root = jnp.concatenate([roots, jnp.ones(down.shape[-1] - count, roots.dtype)])
-    columns_root = jnp.concatenate([roots, jnp.ones(across.shape[-1] - count, roots.dtype)])
-    rows_missing = rows_root - zeroth[..., :, :count] @ roots
-    columns_missing = columns_root - jnp.einsum("i,...ij->...j", roots, zeroth[..., :count, :])
-    whole = columns_missing[..., :count] @ roots
-    change = rows_missing[..., :, None] * columns_root + rows_root[:, None] * columns_missing[..., None, :]
-    change -= whole[..., None, None] * rows_root[:, None] * columns_root
+    rows_root = _joined(roots, jnp.ones(down.shape[-1] - count, roots.dtype))
+    columns_root = _joined(roots, jnp.ones(across.shape[-1] - count, roots.dtype))
+    # Over the sum of weights, which is one only to the accuracy of the rule where several media share it.
+    share = roots / jnp.sum(roots * roots, axis=-1, keepdims=True)
+    rows_missing = rows_root - jnp.einsum("...ij,...j->...i", zeroth[..., :, :count], roots)
+    columns_missing = columns_root - jnp.einsum("...i,...ij->...j", roots, zeroth[..., :count, :])
+    scale = jnp.sum(roots * roots, axis=-1)[..., None]
+    whole = jnp.einsum("...j,...j->...", columns_missing[..., :count], share)[..., None, None]
+    change = rows_missing[..., :, None] * columns_root[..., None, :]
+    change += rows_root[..., :, None] * columns_missing[..., None, :]
+    change = (change - whole * rows_root[..., :, None] * columns_root[..., None, :]) / scale[..., None]
     # Light scattered once between two added directions meets no quadrature and stays exact.
-    change = change * _not_corner(rows_root.size, columns_root.size, count)
+    change = change * _not_corner(rows_root.shape[-1], columns_root.shape[-1], count)
     return c_even.at[..., 0, :, :].add(change), c_odd
 
 

@@ -15,9 +15,11 @@ from glazejax.radiative.manyflux_bordered import Bordered, Diagonal
 from glazejax.radiative.manyflux_directions import Spread, spread_directions
 from glazejax.radiative.manyflux_effort import Effort
 from glazejax.radiative.manyflux_layer import layer_by_doubling
+from glazejax.radiative.manyflux_modes import layer_by_modes
 from glazejax.radiative.manyflux_phase import associated_legendre, rates, scattering
+from glazejax.radiative.manyflux_single import Once, missing_once
 from glazejax.radiative.manyflux_stack import lambert, stack_reflection, under_surface
-from glazejax.radiative.phase import delta_m, evaluate
+from glazejax.radiative.phase import delta_m
 
 
 class Layers(NamedTuple):
@@ -65,9 +67,16 @@ def _scene(layers: Layers, index, cos_viewing: Array, cos_incidence: Array, effo
 def _outside(scene: _Scene, ground: Array, effort: Effort, modes: int) -> Bordered:
     """Reflection as seen from outside, (modes, ...)."""
     a, b = rates(scene.albedo[:, None], scene.even, scene.odd, scene.cosines)
-    reflection, loss = layer_by_doubling(a, b, scene.thickness[:, None], effort.doublings)
+    reflection, loss = layer_operators(a, b, scene.thickness[:, None], effort)
     below = lambert(ground, scene.roots, modes, scene.albedo.dtype)
     return under_surface(stack_reflection(reflection, loss, below), scene.surface)
+
+
+def layer_operators(a: Bordered, b: Bordered, thickness: Array, effort: Effort) -> tuple[Bordered, Bordered]:
+    """R and U = 1 - T of layers, by the solution chosen."""
+    if effort.doublings is None:
+        return layer_by_modes(a, b, thickness)
+    return layer_by_doubling(a, b, thickness, effort.doublings)
 
 
 def reflectance_factor(
@@ -92,34 +101,25 @@ def reflectance_factor(
     factor = all_light / (2.0 * index**2 * viewing * incidence)[..., None]
     if modes == 1 and layers.moments.shape[-1] == 1:
         return factor
-    return factor + _single_corrected(scene, layers, index, azimuth, waves)
+    return factor + _missing(scene, layers, index, azimuth, waves)
 
 
-def _single_corrected(scene: _Scene, layers: Layers, index, azimuth: Array, waves: Array) -> Array:
-    """Light scattered once by the whole phase function less that of the modes and moments kept, (v, i, k)."""
-    viewing, incidence = scene.cosines.viewing[:, None], scene.cosines.incidence
-    count = scene.cosines.nodes.size
-    kept = (scene.even - scene.odd)[..., count:, count:] * scene.albedo[:, None, None, None]
-    taken = jnp.einsum("lmvi,mk->lvik", kept, waves, precision="highest")
-    sines = [_sine(c) for c in (viewing, incidence)]
-    turn = (sines[0] * sines[1])[..., None] * jnp.cos(azimuth) - (viewing * incidence)[..., None]
-    whole = evaluate(layers.moments[:, None, None, None, :], turn)
-    # Albedo per scaled depth with the peak still in it.
-    share = jnp.where(layers.optical_thickness > 0, layers.optical_thickness, 1.0) / jnp.where(
-        layers.optical_thickness > 0, scene.thickness, 1.0
-    )
-    slant = (1.0 / viewing + 1.0 / incidence)[None]
-    depth = jnp.cumsum(scene.thickness)[:, None, None]
-    thickness = scene.thickness[:, None, None]
-    lit = jnp.exp(-slant * (depth - thickness)) * -jnp.expm1(-slant * thickness) / (4.0 * (viewing + incidence))
+def _missing(scene: _Scene, layers: Layers, index, azimuth: Array, waves: Array) -> Array:
+    viewing, incidence, count = scene.cosines.viewing, scene.cosines.incidence, scene.cosines.nodes.size
+    shape = (layers.albedo.size, viewing.size, incidence.size)
     through = (1.0 - scene.surface.viewing[:, None]) * (1.0 - scene.surface.incidence) / index**2
-    difference = (layers.albedo * share)[:, None, None, None] * whole - taken
-    return through[..., None] * jnp.sum(lit[..., None] * difference, axis=0)
-
-
-def _sine(cosine: Array) -> Array:
-    squared = jnp.maximum(1.0 - cosine * cosine, 0.0)
-    return jnp.sqrt(jnp.where(squared > 0, squared, 1.0)) * (squared > 0)
+    once = Once(
+        layers.albedo,
+        layers.optical_thickness,
+        layers.moments,
+        scene.albedo,
+        scene.thickness,
+        jnp.broadcast_to(viewing, shape[:2]),
+        jnp.broadcast_to(incidence, (shape[0], shape[2])),
+        jnp.broadcast_to(through, shape),
+    )
+    even, odd = (c[..., count:, count:] for c in (scene.even, scene.odd))
+    return missing_once(once, even, odd, azimuth, waves)
 
 
 def hemispherical_reflectance(

@@ -36,8 +36,46 @@ def join(upper: Slab, lower: Slab) -> Slab:
 
     Source: paper C, equation (14) with its misprints put right.
     """
-    # Light between the two, for light from above and from below.
-    between = (upper.below @ lower.above).scaled(-1.0).plus_identity().inverse()
+    return _joined(upper, lower, (upper.below @ lower.above).scaled(-1.0).plus_identity().inverse())
+
+
+def join_in_series(
+    upper: Slab, lower: Slab, order: int, roots: Float[Array, "*batch n"]
+) -> tuple[Slab, Float[Array, "*batch n"]]:
+    """Two slabs as one by a series: light that has come back between them more than ``order`` times is lost.
+
+    Args:
+        upper, lower: slabs with the azimuth modes as their leading axis.
+        order: of the series, >= 0.
+        roots: sqrt(mu w) of the nodes, (n,).
+
+    Returns:
+        The slab, and for light from above in each node a bound (n,) on the share of its flux that is left out: what
+        comes back once more often than counted, over 1 - eta, eta being the largest share of any light that comes back.
+
+    Raises:
+        ValueError: a negative order.
+
+    Source: paper C, equation (21).
+    """
+    if order < 0:
+        raise ValueError(f"order is {order}; it must be at least 0")
+    once = upper.below @ lower.above
+    between = once.scaled(0.0).plus_identity()
+    for _ in range(order):
+        between = (once @ between).plus_identity()
+    flux = jnp.where(roots > 0, roots, 1.0)
+    back = jnp.abs(once.core[0])
+    largest = jnp.max(jnp.where(roots > 0, roots @ back, 0.0) / flux)
+    left = jnp.abs(upper.down.core[0])
+    for _ in range(order + 1):
+        left = back @ left
+    bound = (roots @ left) / flux / jnp.maximum(1.0 - largest, 1e-300)
+    return _joined(upper, lower, between), jnp.where(largest < 1, bound, jnp.inf)
+
+
+def _joined(upper: Slab, lower: Slab, between: Bordered) -> Slab:
+    """Two slabs with (1 - R R')^-1 given: how light between them multiplies."""
     downward = between @ upper.down
     upward = lower.above @ downward
     back = between @ upper.below @ lower.up

@@ -1,0 +1,89 @@
+"""Eigenvalues of small symmetric matrices by Jacobi's rotations: no LAPACK, small eigenvalues as exact as large ones.
+
+Batched LAPACK calls can hang in compiled programs (`linalg`). Rotations in pairs are plain arithmetic: n/2 of them at
+once, n - 1 rounds bring every pair of rows together, and some eight such sweeps are enough.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+_MOST_SWEEPS = 40
+
+
+def symmetric_eigen(a: Float[Array, "*batch n n"]) -> tuple[Float[Array, "*batch n"], Float[Array, "*batch n n"]]:
+    """Eigenvalues in ascending order and eigenvectors (columns) of symmetric matrices; without derivatives.
+
+    Args:
+        a: (..., n, n), symmetric; better scaled than positive definite is not needed.
+
+    Source: Golub and Van Loan, Matrix Computations, 8.5; rounds as in a tournament (Brent and Luk 1985).
+    """
+    n = a.shape[-1]
+    if n == 1:
+        return a[..., 0], jnp.ones_like(a)
+    spare = n % 2
+    if spare:  # a row that nothing couples to
+        edge = [(0, 0)] * (a.ndim - 2)
+        a = jnp.pad(a, [*edge, (0, 1), (0, 1)])
+    size = n + spare
+    half = size // 2
+    order = _next_round(half)
+    vectors = jnp.broadcast_to(jnp.eye(size, dtype=a.dtype), a.shape)
+    enough = float(np.finfo(a.dtype).eps)
+
+    def one_round(_, state: tuple[Array, Array]) -> tuple[Array, Array]:
+        work, vectors = state
+        diagonal = jnp.diagonal(work, axis1=-2, axis2=-1)
+        top, bottom = diagonal[..., :half], diagonal[..., half:]
+        beside = jnp.diagonal(work[..., :half, half:], axis1=-2, axis2=-1)
+        gap = bottom - top
+        nothing = beside == 0
+        root = jnp.abs(gap) + jnp.hypot(gap, 2.0 * beside)
+        tangent = jnp.where(gap < 0, -2.0, 2.0) * beside / jnp.where(nothing, 1.0, root)
+        cosine = 1.0 / jnp.sqrt(1.0 + tangent * tangent)
+        sine = cosine * tangent
+        work = _turned(work, cosine[..., None], sine[..., None], half, -2)
+        work = _turned(work, cosine[..., None, :], sine[..., None, :], half, -1)
+        vectors = _turned(vectors, cosine[..., None, :], sine[..., None, :], half, -1)
+        return work[..., order, :][..., :, order], vectors[..., :, order]
+
+    def sweep(state):
+        work, vectors, _, done = state
+        work, vectors = jax.lax.fori_loop(0, size - 1, one_round, (work, vectors))
+        diagonal = jnp.abs(jnp.diagonal(work, axis1=-2, axis2=-1))
+        scale = jnp.sqrt(diagonal[..., :, None] * diagonal[..., None, :])
+        off = jnp.abs(work) * (1.0 - np.eye(size))
+        return work, vectors, jnp.max(off - enough * scale), done + 1
+
+    def unfinished(state):
+        return (state[2] > 0) & (state[3] < _MOST_SWEEPS)
+
+    start = (a, vectors, jnp.asarray(jnp.inf, a.dtype), 0)
+    work, vectors, _, _ = jax.lax.while_loop(unfinished, sweep, start)
+    values = jnp.diagonal(work, axis1=-2, axis2=-1)
+    if spare:  # the row that was added is the eigenvector with its own last component
+        own = jnp.abs(vectors[..., -1, :]) > 0.5
+        values = jnp.select([own], [jnp.full_like(values, jnp.inf)], values)
+    rank = jnp.argsort(values, axis=-1)[..., :n]
+    return (
+        jnp.take_along_axis(values, rank, axis=-1),
+        jnp.take_along_axis(vectors[..., :n, :], rank[..., None, :], axis=-1),
+    )
+
+
+def _turned(matrix: Array, cosine: Array, sine: Array, half: int, axis: int) -> Array:
+    """Rows (or columns) i and i + half turned into each other."""
+    first, second = jnp.split(matrix, 2, axis=axis)
+    return jnp.concatenate([cosine * first - sine * second, sine * first + cosine * second], axis=axis)
+
+
+def _next_round(half: int) -> np.ndarray:
+    """Where each place takes its row from, so that all pairs meet: the first stays, the others go round."""
+    top, bottom = np.arange(half), np.arange(half, 2 * half)
+    if half == 1:
+        return np.arange(2)
+    new_top = np.concatenate([top[:1], bottom[:1], top[1:-1]])
+    new_bottom = np.concatenate([bottom[1:], top[-1:]])
+    return np.concatenate([new_top, new_bottom])

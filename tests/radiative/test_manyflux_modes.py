@@ -1,0 +1,142 @@
+"""Eigenvectors by rotations, and layers by their eigenvectors: the same as by doubling, in value and slope."""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from glazejax.radiative.manyflux import brdf_table
+from glazejax.radiative.manyflux_bordered import Bordered, Diagonal
+from glazejax.radiative.manyflux_directions import Spread, spread_directions
+from glazejax.radiative.manyflux_jacobi import symmetric_eigen
+from glazejax.radiative.manyflux_layer import doublings, layer_by_doubling
+from glazejax.radiative.manyflux_modes import layer_by_modes, layer_modes
+from glazejax.radiative.manyflux_phase import associated_legendre, rates, scattering
+from glazejax.radiative.phase import henyey_greenstein
+from glazejax.radiative.twoflux import two_flux_layer
+
+RULE = spread_directions(1.5, Spread(5, 5, 2.0))
+MU = jnp.asarray(RULE.cosines)
+# Equal directions of light and eye, one on a node, one at a right angle: where textbook forms divide by zero.
+LIT, SEEN = jnp.array([0.75, float(MU[2]), 1.0]), jnp.array([0.75, 0.9])
+ALBEDO = jnp.array([1.0, 1.0, 1.0, 1 - 1e-6, 0.9, 0.0, 0.5, 1.0])
+THICKNESS = jnp.array([0.0, 1e-6, 1.0, 1e4, 1e6, 3.0, 1e-9, 100.0])
+COSINE = jnp.array([0.8, -0.5, 0.0, 0.9, 0.7, 0.3, 0.5, 0.8])
+
+
+@pytest.mark.parametrize("n", [1, 2, 7, 16])
+def test_eigenvectors(n):
+    rng = np.random.default_rng(n)
+    a = rng.normal(size=(3, n, n))
+    values, vectors = symmetric_eigen(jnp.asarray(a + np.swapaxes(a, -1, -2)))
+    np.testing.assert_allclose(values, np.linalg.eigvalsh(a + np.swapaxes(a, -1, -2)), atol=1e-13)
+    np.testing.assert_allclose(
+        (vectors * values[:, None, :]) @ np.swapaxes(vectors, -1, -2), a + a.swapaxes(-1, -2), atol=1e-13
+    )
+
+
+def test_small_eigenvalues_keep_their_digits():
+    """A matrix of very unequal scales, whose eigenvalues are known."""
+    scale = 10.0 ** -np.arange(6)
+    rng = np.random.default_rng(0)
+    basis = np.eye(6) + 1e-3 * rng.normal(size=(6, 6))
+    a = scale[:, None] * (basis @ basis.T) * scale
+    values, _ = symmetric_eigen(jnp.asarray(a))
+    # The product of all of them, exact in relative terms.
+    np.testing.assert_allclose(np.prod(values / scale[::-1] ** 2), np.linalg.det(basis) ** 2, rtol=1e-12)
+
+
+def operators(albedo, thickness, g, lit, seen):
+    tables = [associated_legendre(c, 3, 10) for c in (MU, seen, lit)]
+    even, odd = scattering(
+        henyey_greenstein(g, 10), tables[0], tables[1], tables[2], jnp.sqrt(jnp.asarray(RULE.weights))
+    )
+    return *rates(albedo[:, None], even, odd, Diagonal(MU, seen, lit)), thickness[:, None]
+
+
+def by_doubling(a, b, thickness):
+    return layer_by_doubling(a, b, thickness, doublings(1e6, float(np.min(RULE.cosines))))
+
+
+@functools.cache
+def value_and_slope(solution):
+    """R and U of layers, and their change when everything moves at random."""
+    given = ALBEDO, THICKNESS, COSINE, LIT, SEEN
+    rng = np.random.default_rng(1)
+    moved = tuple(jnp.asarray(rng.normal(size=x.shape)) for x in given)
+
+    def layer(*given):
+        return solution(*operators(*given))
+
+    return jax.tree.map(np.asarray, jax.jit(lambda x, dx: jax.jvp(layer, x, dx))(given, moved))
+
+
+def test_modes_are_doubling():
+    """Albedo 0 to 1, thickness 0 to 1e6: values to 1e-10, slopes to 1e-8 of the largest, which is 1e4."""
+    value, slope = (jax.tree.leaves(x) for x in value_and_slope(layer_by_modes))
+    expected, steep = (jax.tree.leaves(x) for x in value_and_slope(by_doubling))
+    for one, other in zip(value, expected, strict=True):
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-10)
+    for one, other in zip(slope, steep, strict=True):
+        size = np.maximum(1.0, np.max(np.abs(other), axis=tuple(range(1, other.ndim)), keepdims=True))
+        assert np.max(np.abs(one - other) / size) < 1e-8
+
+
+def test_the_slowest_mode():
+    """It does not fade without absorption; else 1 = q artanh(kappa)/kappa for isotropic scattering."""
+
+    @jax.jit
+    def slowest(albedo, g):
+        a, b, _ = operators(albedo, albedo, g, LIT[:0], SEEN[:0])
+        return layer_modes(a.core, b.core).decay_squared[:, 0, 0]
+
+    free, fading = slowest(jnp.array([1.0, 0.9]), jnp.array([0.8, 0.0]))
+    assert free == pytest.approx(0.0, abs=1e-12)
+    kappa = np.sqrt(fading)
+    assert 0.9 * np.arctanh(kappa) / kappa == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.parametrize("solution", [layer_by_modes, by_doubling])
+def test_one_direction_is_kubelka_munk(solution):
+    """The two-flux limit: u' = -(K + 2 S) v, v' = -K u."""
+    k, s = np.array([0.3, 2.0, 0.0]), np.array([1.5, 0.2, 4.0])
+    nothing = jnp.zeros((3, 0))
+
+    def one(x):
+        return Bordered(jnp.asarray(x)[:, None, None], nothing, nothing)
+
+    reflection, loss = solution(one(k + 2 * s), one(k), jnp.ones(3))
+    expected = two_flux_layer(k, s)
+    np.testing.assert_allclose(reflection.core[:, 0, 0], expected[0], atol=1e-14)
+    np.testing.assert_allclose(1 - loss.core[:, 0, 0], expected[1], atol=1e-14)
+
+
+@pytest.mark.slow
+def test_a_stack_is_the_same_by_either():
+    cos = np.array([1.0, 0.6, 0.2])
+    tables = [
+        brdf_table(
+            [[1.0, 0.6], [0.9, 0.99]],
+            [0.7, 5.0],
+            [0.4, 1.0],
+            phase=henyey_greenstein(0.7, 12),
+            cos_incidence=cos,
+            cos_viewing=cos,
+            azimuth=[0.0, 100.0],
+            streams=8,
+            solution=solution,
+        )
+        for solution in ("doubling", "modes")
+    ]
+    np.testing.assert_allclose(tables[0], tables[1], atol=1e-11)
+
+
+def test_nothing_is_left_that_can_hang():
+    """Bulk use of LAPACK can; the program to be compiled has no call of it."""
+
+    def layers(albedo):
+        return layer_by_modes(*operators(albedo, albedo, albedo, LIT, SEEN))
+
+    assert "lapack" not in jax.jit(jax.grad(lambda q: jnp.sum(layers(q)[0].body))).lower(ALBEDO).as_text()
