@@ -92,8 +92,8 @@ def metal(name: str, wavelengths_nm: Grid | None = None) -> Metal:
 @functools.cache
 def _load() -> dict[str, Metal]:
     """All metals, from the file."""
-    with (files(__package__) / "metals.csv").open(encoding="utf-8", newline="") as lines:
-        rows = list(csv.DictReader(lines))
+    text = files(__name__.rpartition(".")[0]).joinpath("metals.csv").read_text(encoding="utf-8")
+    rows = list(csv.DictReader(text.splitlines()))
     found = {}
     for name, source in SOURCES.items():
         table = np.array([[float(r[c]) for c in ("wavelength_nm", "n", "k")] for r in rows if r["metal"] == name])

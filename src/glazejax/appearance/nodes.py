@@ -1,12 +1,12 @@
-"""Polynomials through Chebyshev's nodes, and the coordinates in which a glaze's reflectance is close to one.
+"""Polynomials through Chebyshev's nodes, and the coordinate in which a glaze's reflectance is close to one.
 
-Small helpers of `glaze_material`. Nodes are those of the first kind, ascending, so that the ends of a range, where the
-solver may refuse a cosine of zero, are not among them.
+Small helpers of the glaze tables; `xp` is numpy or jax.numpy. Nodes are those of the first kind, ascending, so that
+the ends of a range, where the solver may refuse a cosine of zero, are not among them.
 """
 
-from typing import NamedTuple
+from types import ModuleType
+from typing import Any, NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
@@ -28,27 +28,31 @@ def unit_nodes(count: int) -> Float[np.ndarray, "nodes"]:
     return 0.5 * (1.0 - np.cos(np.pi * (np.arange(count) + 0.5) / count))
 
 
-def lagrange(x: Array, low: Array, high: Array, count: int) -> Float[Array, "points nodes"]:
-    """Lagrange's polynomials of Chebyshev's first-kind nodes between `low` and `high`, ascending, at x (points,)."""
+def lagrange(x: Any, low: Any, high: Any, count: int, xp: ModuleType) -> Any:
+    """Lagrange's polynomials of `count` nodes between `low` and `high` at x, (points,): (points, nodes)."""
     if count == 1:
-        return jnp.ones((*x.shape, 1), x.dtype)
+        return xp.ones((*x.shape, 1), x.dtype)
     # By sums of Chebyshev polynomials: no division, so slopes are right at the nodes as well.
-    rows = [jnp.ones_like(x), (2.0 * x - low - high) / (high - low)]
+    rows = [xp.ones_like(x), (2.0 * x - low - high) / (high - low)]
     while len(rows) < count:
         rows.append(2.0 * rows[1] * rows[-1] - rows[-2])
-    transform = jnp.asarray(coefficients_from_nodes(count), x.dtype)
-    return jnp.matmul(jnp.stack(rows, axis=-1), transform, precision="highest")
+    return product(xp.stack(rows, axis=-1), xp.asarray(coefficients_from_nodes(count), x.dtype), xp)
+
+
+def product(first: Any, second: Any, xp: ModuleType) -> Any:
+    """Matrix product in full precision, on accelerators too."""
+    return np.matmul(first, second) if xp is np else xp.matmul(first, second, precision="highest")
 
 
 def coefficients_from_nodes(count: int) -> Float[np.ndarray, "coefficients nodes"]:
-    """Chebyshev coefficients of values at the first-kind nodes, ascending."""
+    """Matrix from values at the nodes to Chebyshev coefficients."""
     angles = np.pi * (np.arange(count) + 0.5) / count
     matrix = np.cos(np.outer(np.arange(count), np.pi - angles)) * (2.0 / count)
     matrix[0] *= 0.5
     return matrix
 
 
-def stretch(depth, span: Range, xp=jnp):
+def stretch(depth: Any, span: Range, xp: ModuleType) -> Any:
     """Coordinate in which the reflectance is nearly a polynomial: log(1 + sqrt(curvature d/high)), softened at 0."""
     soft = _SOFT * span.high
     root = (xp.sqrt(depth + soft) - xp.sqrt(soft)) * xp.sqrt(span.curvature / span.high)

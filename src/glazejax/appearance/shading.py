@@ -172,7 +172,7 @@ def _front(cosine: Numbers) -> Float[Array, "..."]:
 
 def _squared_angle(cosine: Float[Array, "..."]) -> Float[Array, "..."]:
     """arccos(c)^2, with finite slope at c = 1 and c = -1."""
-    u = 1.0 - jnp.clip(cosine, -1.0, 1.0)
+    u = 1.0 - cosine
     near = u < _NEAR_NORMAL
     # arcsin(x)^2 = 1/2 sum (2x)^(2n) / (n^2 binomial(2n, n)), with x^2 = u / 2.
     series = jnp.zeros_like(u)

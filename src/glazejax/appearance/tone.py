@@ -77,7 +77,7 @@ class ToneCurve:
         """
         from scipy.interpolate import PchipInterpolator
 
-        measured = cls(levels, readings)
+        measured = cls(np.asarray(levels), np.asarray(readings))
         if measured.levels[0] != 0 or measured.levels[-1] != highest:
             raise ValueError(f"measure levels 0 and {highest} too, not only {levels}")
         steps = np.arange(highest + 1.0)

@@ -129,9 +129,10 @@ def hall_reflectance(
 
     Source: paper B, eqs (19)-(23), with n = 1.
     """
+    xp = array_module(cos_incidence, normal_reflectance, mean_normal_reflectance)
     mean, c = mean_normal_reflectance, cos_incidence
     square = 1.0 + 4.0 * mean / (1.0 - mean)  # n^2 + k^2, with (23)
     s = (square - 2.0 * c + c**2) / (square + 2.0 * c + c**2)
     p = (square * c**2 - 2.0 * c + 1.0) / (square * c**2 + 2.0 * c + 1.0)
     rise = (0.5 * (s + p) - mean) / (1.0 - mean)
-    return normal_reflectance + (1.0 - normal_reflectance) * rise
+    return xp.asarray(normal_reflectance + (1.0 - normal_reflectance) * rise)

@@ -1,0 +1,157 @@
+"""Displays: paper B's monitor, round trips, gamut, tone curves."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from glazejax.appearance.display import Display
+from glazejax.appearance.tone import ToneCurve, look_up
+from glazejax.colour import colour_science
+
+PRINTED = np.array([[4.784, -2.342, -0.694], [-1.481, 2.592, 0.037], [0.045, -0.169, 0.894]])
+GREYS = np.repeat(np.arange(256)[:, None], 3, axis=1)
+COLOURS = np.random.default_rng(0).integers(0, 256, (10_000, 3))
+
+
+def measured():
+    """A display measured at few levels, each channel its own curve."""
+    levels = np.array([0, 8, 16, 32, 48, 64, 96, 128, 160, 192, 224, 255])
+    tones = tuple(ToneCurve.from_readings(levels, 0.3 + (levels / 255.0) ** g) for g in (2.1, 2.25, 2.4))
+    return Display([[0.64, 0.33], [0.29, 0.61], [0.15, 0.06]], [60.0, 190.0, 20.0], tones, name="measured")
+
+
+@pytest.fixture(params=["sRGB", "Display P3", "Adobe RGB", "paper B", "measured"])
+def display(request):
+    special = {"paper B": Display.paper_monitor, "measured": measured}
+    return special.get(request.param, lambda: Display.preset(request.param))()
+
+
+@pytest.mark.parametrize("colours", [GREYS, COLOURS], ids=["greys", "colours"])
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_round_trip_is_exact(display, colours, dtype):
+    found = display.to_rgb(np.asarray(display.to_xyz(colours.astype(dtype))))
+    np.testing.assert_array_equal(found.rgb, colours)
+    assert not np.any(found.outside)
+    # Nothing is lost in either way of bringing colours in, either.
+    for gamut in ("dim", "desaturate"):
+        np.testing.assert_array_equal(display.to_rgb(display.to_xyz(colours), gamut=gamut).rgb, colours)
+
+
+def test_matrix_of_the_papers_monitor():
+    """Printed T, to 2 % of its largest number; and eq (3), corrected, to rounding."""
+    found = Display.paper_monitor().matrix
+    assert np.abs(found - PRINTED).max() < 0.02 * np.abs(PRINTED).max()
+    xy, top = np.array([[0.614, 0.350], [0.306, 0.607], [0.149, 0.074]]), np.array([42.7, 138.7, 27.3])
+    x, y = xy.T
+    corrected = np.diag(255 / top) @ np.linalg.inv(np.array([x / y, [1, 1, 1], (1 - x - y) / y]))
+    np.testing.assert_allclose(found, corrected, rtol=1e-12, atol=1e-12)
+    misprinted = np.diag(255 / top) @ np.linalg.inv(np.array([x / y, 1 / y, (1 - x - y) / y]))
+    assert np.abs(misprinted - PRINTED).max() > 0.3 * np.abs(PRINTED).max()
+    # Each primary alone is one channel at 255.
+    for k in range(3):
+        primary = top[k] * np.array([x[k] / y[k], 1, (1 - x[k] - y[k]) / y[k]])
+        np.testing.assert_allclose(found @ primary, 255 * np.eye(3)[k], atol=1e-9)
+
+
+def test_srgb_against_colour_science():
+    colour = colour_science()
+    rng = np.random.default_rng(3)
+    display = Display.preset("sRGB")
+    xyz = np.asarray(display.to_xyz(rng.uniform(0, 255, (500, 3))))
+    space = colour.RGB_COLOURSPACES["sRGB"].copy()
+    space.use_derived_transformation_matrices(True)  # those of the standard are rounded
+    expected = 255 * colour.XYZ_to_RGB(xyz, space, apply_cctf_encoding=True)
+    found = display.encode(display.linear(xyz))
+    # Straight lines between levels against the formula.
+    assert np.abs(np.asarray(found) - expected).max() < 0.01
+
+
+def test_gamut_is_named():
+    display = Display.preset("sRGB")
+    inside, saturated, bright = [0.3, 0.3, 0.3], [0.1, 0.4, 0.02], [1.5, 1.6, 1.7]
+    xyz = np.array([inside, saturated, bright])
+    for gamut in ("clip", "dim", "desaturate"):
+        found = display.to_rgb(xyz, gamut=gamut)
+        np.testing.assert_array_equal(found.outside, [False, True, True])
+        assert np.all((np.asarray(found.rgb) >= 0) & (np.asarray(found.rgb) <= 255))
+        np.testing.assert_array_equal(found.rgb[0], display.to_rgb(np.array(inside)).rgb)
+    with pytest.raises(ValueError, match=r"2 of 3 colours lie outside sRGB, the first with XYZ \[0.1"):
+        display.to_rgb(xyz, gamut="error")
+    assert not display.to_rgb(np.array([inside]), gamut="error").outside[0]
+    with pytest.raises(ValueError, match="gamut is 'squash'"):
+        display.to_rgb(xyz, gamut="squash")  # pyright: ignore[reportArgumentType]
+
+
+def test_dimming_keeps_chromaticity_and_desaturating_luminance():
+    display = Display.preset("sRGB")
+    bright = np.asarray(display.to_xyz(np.array([200.0, 120.0, 40.0]))) * 3
+    dimmed = np.asarray(display.to_xyz(display.to_rgb(bright, gamut="dim").rgb))
+    np.testing.assert_allclose(dimmed / dimmed.sum(), bright / bright.sum(), atol=2e-3)
+    saturated = np.array([0.1, 0.4, 0.02])
+    paled = np.asarray(display.to_xyz(display.to_rgb(saturated, gamut="desaturate").rgb))
+    assert paled[1] == pytest.approx(0.4, abs=3e-3)
+    assert np.asarray(display.to_xyz(display.to_rgb(saturated).rgb))[1] != pytest.approx(0.4, abs=2e-2)
+
+
+def test_adaptation_brings_white_to_white():
+    display, lamp = Display.preset("sRGB"), np.array([1.0985, 1.0, 0.3558])
+    found = display.to_rgb(display.adapt(lamp * np.array([[1.0], [0.2]]), lamp))
+    np.testing.assert_array_equal(found.rgb[0], [255, 255, 255])
+    assert np.ptp(np.asarray(found.rgb[1])) == 0
+
+
+def test_fine_table_below_14():
+    """Paper B, section 2B: what the second table is for."""
+    tone = ToneCurve.from_gamma(2.2)
+    coarse, fine = tone.tables()
+    assert coarse.shape == (256,)
+    assert fine.shape == (141,)
+    light = np.linspace(0, 14, 2001)
+
+    def missed(found):
+        return np.abs(255 * np.asarray(tone.light(found.astype(float))) - light).max()
+
+    assert missed(look_up(light, coarse, fine)) < 0.5 * missed(look_up(light, coarse))
+    # Read as knots they make a curve again, the same where it has any light.
+    again = ToneCurve.from_tables(coarse, fine)
+    light = np.linspace(1, 255, 2001) / 255
+    np.testing.assert_allclose(again.level(light), tone.level(light), atol=0.15)
+    again = Display([[0.6, 0.35], [0.3, 0.6], [0.15, 0.07]], [1.0, 3.0, 0.5], again)
+    np.testing.assert_array_equal(again.to_rgb(again.to_xyz(COLOURS)).rgb, COLOURS)
+
+
+def test_readings_are_met():
+    levels = np.array([0, 30, 90, 200, 255])
+    readings = 0.4 + 50 * (levels / 255.0) ** 2.3
+    tone = ToneCurve.from_readings(levels, readings)
+    np.testing.assert_allclose(tone.light(levels), (readings - readings[0]) / np.ptp(readings), atol=1e-12)
+    assert np.all(np.diff(tone.lights) > 0)
+
+
+def test_colours_can_be_differentiated():
+    display = measured()
+    xyz = np.asarray(display.to_xyz(np.array([120.3, 50.6, 200.2])))
+    slope = jax.jacobian(lambda v: display.encode(display.linear(v)))(jnp.asarray(xyz))
+    for i in range(3):
+        step = 1e-6 * np.eye(3)[i]
+        ends = [np.asarray(display.encode(display.linear(xyz + s))) for s in (step, -step)]
+        np.testing.assert_allclose(slope[:, i], (ends[0] - ends[1]) / 2e-6, rtol=1e-5, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Display.preset("Trinitron"), "unknown display 'Trinitron': there are sRGB"),
+        (lambda: Display([[0.3, 0.3], [0.4, 0.4], [0.5, 0.5]], [1, 1, 1]), "lie on one line"),
+        (lambda: Display([[0.6, 0.3], [0.3, 0.6]], [1, 1]), r"chromaticities \(3, 2\)"),
+        (lambda: Display([[0.6, 0.3], [0.3, 0.6], [0.1, 0.1]], [1, 0, 1]), "must be positive"),
+        (lambda: Display([[0.6, 0.3], [0.3, 0.6], [0.1, 0.1]], [1, 1, 1], -2.2), "gamma is -2.2"),
+        (lambda: ToneCurve(np.array([0.0, 1, 2]), np.array([0.0, 0.5, 0.4])), "number 3 is 0.4 after 0.5"),
+        (lambda: ToneCurve.from_readings([10, 255], [0.0, 1.0]), "measure levels 0 and 255"),
+        (lambda: ToneCurve.from_tables(np.arange(256.0), np.linspace(0, 60, 141)), "does not meet the coarse one"),
+    ],
+)
+def test_what_is_refused(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()

@@ -1,0 +1,161 @@
+"""A glaze's reflectance factor from a table: its error, its limits, its slopes."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import glazejax as gj
+from glazejax.appearance.glaze_material import GlazeTable, glaze_table
+from glazejax.radiative.fresnel import dielectric_reflectance
+
+WAVELENGTHS = np.array([420.0, 480.0, 540.0, 600.0, 660.0])
+RNG = np.random.default_rng(11)
+COS_IN, COS_OUT = np.cos(np.deg2rad(RNG.uniform(0, 89.5, (2, 60))))
+
+
+def paints():
+    catalogue = gj.catalogue.load()
+    return catalogue["CobaltBlue"], catalogue["ZincWhite"]
+
+
+def glaze(top=15e-6, index=1.5, wavelengths=None):
+    blue, white = (p if wavelengths is None else p.resample(wavelengths) for p in paints())
+    return gj.Glaze([gj.Layer(blue, top), gj.Layer(white, 20e-6)], 0.6, index)
+
+
+def solved(top=15e-6, index=1.5):
+    """By the solver, a hundred times finer than the table."""
+    made = glaze(top, index, WAVELENGTHS)
+    return gj.stack_reflectance_factor(
+        made.albedo,
+        made.optical_thickness,
+        made.substrate,
+        refractive_index=made.refractive_index,
+        cos_incidence=COS_IN[:, None],
+        cos_viewing=COS_OUT[:, None],
+        tolerance=1e-6,
+    )
+
+
+@pytest.fixture(scope="module")
+def table():
+    return glaze_table(glaze(), WAVELENGTHS, tolerance=1e-4)
+
+
+@pytest.fixture(scope="module")
+def deep():
+    return glaze_table(glaze(), WAVELENGTHS, thickness=np.linspace(0, 30e-6, 7), tolerance=1e-4)
+
+
+def test_error_is_what_it_says(table):
+    found = table.reflectance_factor(COS_IN, COS_OUT)
+    assert found.shape == (60, 5)
+    assert table.error <= 1e-4
+    assert np.abs(found - solved()).max() < table.error
+    assert "5 bands" in repr(table)
+
+
+def test_thickness_is_an_axis(deep):
+    depths = RNG.uniform(0, 30e-6, 60)
+    depths[:3] = 0.0, 30e-6, 1e-8
+    found = deep.reflectance_factor(COS_IN, COS_OUT, depths)
+    assert deep.error <= 1e-4
+    assert np.abs(found - solved(depths)).max() < deep.error
+
+
+def test_grazing_light_vanishes_and_directions_can_be_exchanged(table):
+    assert np.all(np.asarray(table.reflectance_factor(0.0, 0.5)) == 0)
+    assert np.all(np.asarray(table.reflectance_factor(-0.3, 0.5)) == 0)
+    forth, back = table.reflectance_factor(COS_IN, COS_OUT), table.reflectance_factor(COS_OUT, COS_IN)
+    np.testing.assert_allclose(forth, back, atol=1e-12)
+
+
+def test_mirror_is_the_outer_surface(table):
+    np.testing.assert_allclose(table.mirror(COS_IN)[:, 2], dielectric_reflectance(COS_IN, 1.5), rtol=1e-13)
+    assert np.all(np.asarray(table.mirror(-0.5)) == 1.0)
+
+
+def test_only_angles_asked_for():
+    """One direction of light makes one node; what a scene does not have is not computed."""
+    narrow = glaze_table(glaze(), WAVELENGTHS, angles=((45, 45), (0, 20)), tolerance=1e-4)
+    assert narrow.table.shape[1] == 1
+    assert narrow.table.size < 5 * 8
+    viewing = np.cos(np.deg2rad(np.linspace(0, 20, 9)))
+    wide = glaze_table(glaze(), WAVELENGTHS, tolerance=1e-4)
+    lit = np.full(9, np.cos(np.pi / 4))
+    np.testing.assert_allclose(
+        narrow.reflectance_factor(lit, viewing), wide.reflectance_factor(lit, viewing), atol=2e-4
+    )
+
+
+@pytest.mark.parametrize("index", [1.0, np.linspace(1.5, 1.6, 5)], ids=["no surface", "dispersion"])
+def test_other_indices(index):
+    blue, white = (p.resample(WAVELENGTHS) for p in paints())
+    made = gj.Glaze([gj.Layer(blue, 15e-6), gj.Layer(white, 20e-6)], 0.6, index)
+    found = glaze_table(made, WAVELENGTHS, tolerance=1e-3)
+    assert found.error <= 1e-3
+    assert np.abs(found.reflectance_factor(COS_IN, COS_OUT) - solved(index=index)).max() < found.error
+
+
+def test_bare_ground():
+    found = glaze_table(gj.Glaze([], 0.5), WAVELENGTHS, tolerance=1e-4)
+    expected = gj.stack_reflectance_factor([0.0], [0.0], 0.5, cos_incidence=COS_IN, cos_viewing=COS_OUT)
+    np.testing.assert_allclose(found.reflectance_factor(COS_IN, COS_OUT)[:, 3], expected, atol=1e-4)
+
+
+def test_through_jit_vmap_and_slopes(deep):
+    depths = RNG.uniform(1e-6, 29e-6, 60)
+    plain = deep.reflectance_factor(COS_IN, COS_OUT, depths)
+    arrays = (jnp.asarray(COS_IN), jnp.asarray(COS_OUT), jnp.asarray(depths))
+    np.testing.assert_allclose(jax.jit(GlazeTable.reflectance_factor)(deep, *arrays), plain, atol=1e-12)
+    one = jax.vmap(deep.reflectance_factor)(*arrays)
+    np.testing.assert_allclose(one, plain, atol=1e-12)
+
+    def total(a, b, d):
+        return jnp.sum(deep.reflectance_factor(a, b, d * 1e-6))
+
+    at = 0.8, 0.6, 12.0
+    slopes = jax.grad(total, argnums=(0, 1, 2))(*at)
+    for k, slope in enumerate(slopes):
+        high, low = (tuple(x + s * (i == k) for i, x in enumerate(at)) for s in (1e-5, -1e-5))
+        assert slope == pytest.approx(float((total(*high) - total(*low)) / 2e-5), rel=1e-5)
+
+
+def test_slopes_by_the_paint(table):
+    """A table refilled for a glaze that JAX traces: like a difference of two whole solutions."""
+
+    def seen(um):
+        made = glaze(um * 1e-6, wavelengths=WAVELENGTHS)
+        return jnp.sum(table.refilled(made, WAVELENGTHS).reflectance_factor(0.7, 0.9))
+
+    slope = jax.grad(seen)(15.0)
+    assert slope == pytest.approx(float((seen(15.01) - seen(14.99)) / 0.02), rel=1e-4)
+    np.testing.assert_allclose(
+        table.refilled(glaze(), WAVELENGTHS).reflectance_factor(COS_IN, COS_OUT),
+        table.reflectance_factor(COS_IN, COS_OUT),
+        atol=1e-4,
+    )
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda t: t.reflectance_factor(0.5, 0.5, 1e-6), "thickness is fixed"),
+        (lambda t: glaze_table(glaze(), WAVELENGTHS, tolerance=0), "tolerance is 0"),
+        (lambda t: glaze_table(glaze(), WAVELENGTHS, angles=((0, 100), (0, 90))), "angles of incidence are 0 to 100"),
+        (lambda t: glaze_table(glaze(), WAVELENGTHS, thickness=[1e-6], layer=2), "layer is 2, but the glaze has 2"),
+        (lambda t: glaze_table(glaze(), WAVELENGTHS, thickness=[12.0]), "thickness is in metres"),
+        (lambda t: glaze_table(glaze(top=np.full(3, 1e-6)), WAVELENGTHS), "one glaze, without batch axes"),
+        (lambda t: glaze_table(glaze(), [300.0, 500.0]), "without guessing"),
+        (lambda t: jax.grad(lambda d: glaze_table(glaze(d), WAVELENGTHS).table.sum())(1e-6), "JAX traces this glaze"),
+    ],
+)
+def test_what_is_refused(table, call, message):
+    with pytest.raises(ValueError, match=message):
+        call(table)
+
+
+def test_a_thickness_is_asked_for(deep):
+    with pytest.raises(ValueError, match="give thickness, in metres"):
+        deep.reflectance_factor(0.5, 0.5)

@@ -1,0 +1,131 @@
+"""Lambert, Phong and Torrance-Sparrow: paper B's formulas, their limits and slopes."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from glazejax import colour
+from glazejax.appearance import shading
+from glazejax.radiative.fresnel import conductor_reflectance
+
+GRID = np.arange(400.0, 701.0, 5.0)
+
+
+def sphere(count=200, light=(0.0, 0.0, 1.0)):
+    """Normals of a sphere's pixels seen from +z, and the directions of light and view."""
+    x, y = np.meshgrid(np.linspace(-1, 1, count), np.linspace(-1, 1, count))
+    inside = x**2 + y**2 < 0.999
+    normal = np.stack([x, y, np.sqrt(np.where(inside, 1 - x**2 - y**2, 0))], axis=-1)[inside]
+    light = np.array(light) / np.linalg.norm(light)
+    return normal, np.broadcast_to(light, normal.shape), np.broadcast_to([0.0, 0.0, 1.0], normal.shape)
+
+
+def chromaticity(spectra):
+    values = np.asarray(spectra) @ colour.colour_weights(GRID, "E")
+    return values[..., :2] / values.sum(axis=-1, keepdims=True)
+
+
+@pytest.mark.parametrize("direction", [(0, 0, 1), (1, 1, 1)])
+def test_phong_chromaticities_lie_between_body_and_light(direction):
+    """Paper B, section 6.1 and figure 10."""
+    normal, light, view = sphere(light=direction)
+    body = 0.05 + 0.6 / (1 + np.exp((590 - GRID) / 12))
+    lamp = (GRID / 560) ** 4
+    mirrored = shading.mirror_direction(jnp.asarray(normal), jnp.asarray(view))
+    seen = shading.phong(
+        body, lamp, shading.dot(normal, light), shading.dot(mirrored, light), specular=5.0, exponent=11.0
+    )
+    found = chromaticity(np.asarray(seen)[np.asarray(seen).max(axis=1) > 0])
+    ends = chromaticity(body * lamp), chromaticity(lamp)
+    along = ends[1] - ends[0]
+    share = (found - ends[0]) @ along / (along @ along)
+    assert np.all((share > -1e-9) & (share < 1 + 1e-9))
+    np.testing.assert_allclose(found, ends[0] + share[:, None] * along, rtol=0, atol=1e-6)
+    assert share.max() > 0.8  # the highlight is there
+    assert share.min() < 0.05
+
+
+def test_phong_as_printed_and_several_lights():
+    body, lamp = np.array([0.2, 0.5]), np.array([2.0, 3.0])
+    expected = body * 0.6 * lamp + 0.4 * 0.8**11 * lamp
+    np.testing.assert_allclose(shading.phong(body, lamp, 0.6, 0.8, specular=0.4), expected, rtol=1e-13)
+    # Eq (24): lights add.
+    two = sum(shading.phong(body, lamp, c, m, specular=0.4) for c, m in ((0.6, 0.8), (0.3, -0.1)))
+    np.testing.assert_allclose(two, expected + body * 0.3 * lamp, rtol=1e-13)
+    # Neither the back nor a highlight below the horizon shows.
+    assert not np.any(shading.phong(body, lamp, -0.2, 0.9))
+    assert not np.any(shading.lambert(body, -0.2, lamp))
+
+
+def test_torrance_sparrow_as_printed():
+    rng = np.random.default_rng(1)
+    normal = np.array([0.0, 0.0, 1.0])
+    light, view = (v / np.linalg.norm(v, axis=1, keepdims=True) for v in rng.normal(size=(2, 300, 3)))
+    light[:, 2], view[:, 2] = abs(light[:, 2]), abs(view[:, 2])
+    half = (light + view) / np.linalg.norm(light + view, axis=1, keepdims=True)
+    nl, nv, nh, vh = light @ normal, view @ normal, half @ normal, np.sum(view * half, axis=1)
+    width = 0.3
+    d = np.exp(-np.log(2) * np.arccos(nh) ** 2 / width**2)
+    g = np.minimum(1, np.minimum(2 * nh * nv / vh, 2 * nh * nl / vh))
+    fresnel = conductor_reflectance(vh[:, None], np.array([0.3, 1.2]), np.array([3.2, 2.4]))
+    body, lamp = np.array([0.1, 0.2]), np.array([1.0, 2.0])
+    expected = (body * nl[:, None] + (d * g / nv)[:, None] * fresnel) * lamp
+    np.testing.assert_allclose(shading.half_vector(jnp.asarray(light), jnp.asarray(view)), half, atol=1e-14)
+    found = shading.torrance_sparrow(fresnel, lamp, nl, nv, nh, vh, width=width, body=body)
+    np.testing.assert_allclose(found, expected, rtol=1e-11)
+    # At half width D is one half.
+    assert shading.facet_distribution(np.cos(width), width) == pytest.approx(0.5, rel=1e-12)
+
+
+def test_facets_behind_the_surface_show_nothing():
+    for light, view in ((-0.1, 0.5), (0.5, -0.1), (0.5, 0.0), (0.0, 0.5)):
+        found = shading.torrance_sparrow(0.9, 1.0, light, view, 0.9, 0.8, width=0.2)
+        assert np.all(np.asarray(found) == 0), (light, view)
+    assert shading.masking(0.0, 1.0, 1.0, 0.0) == 0.0
+
+
+def test_squared_angle_is_seamless():
+    """The series near the normal, and its slope where arccos has none."""
+    u = np.concatenate([[0.0], np.geomspace(1e-12, 1.99, 400)])
+    exact = (2 * np.arcsin(np.sqrt(u / 2))) ** 2
+    np.testing.assert_allclose(
+        shading._squared_angle(jnp.asarray(1 - u)), exact, rtol=2e-4 * (u > 1.9).max(), atol=1e-15
+    )
+    np.testing.assert_allclose(
+        shading._squared_angle(jnp.asarray(1 - u[u < 1.9])), exact[u < 1.9], rtol=1e-9, atol=1e-15
+    )
+    assert jax.grad(shading._squared_angle)(1.0) == pytest.approx(-2.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("angles", [(0.7, 0.6, 0.95, 0.8), (1.0, 1.0, 1.0, 1.0), (0.2, 0.9, 0.8, 0.7)])
+def test_slopes(angles):
+    """Forward and reverse, by spectra, cosines and width, against differences; finite where cosines are 1."""
+
+    def picture(x):
+        metal = shading.torrance_sparrow(x[:2], x[2:4], x[4], x[5], x[6], x[7], width=x[8], body=x[9:11])
+        plastic = shading.phong(x[9:11], x[2:4], x[4], x[7], specular=x[11], exponent=x[12])
+        return jnp.sum(metal * jnp.array([1.0, 0.3])) + jnp.sum(plastic * jnp.array([0.2, 0.7]))
+
+    x = jnp.array([0.8, 0.5, 1.0, 2.0, *angles, 0.3, 0.1, 0.2, 0.4, 11.0])
+    slope = jax.grad(picture)(x)
+    assert np.all(np.isfinite(slope))
+    inside = np.array(x) != 1.0
+    for i in np.flatnonzero(inside):
+        step = jnp.zeros_like(x).at[i].set(1e-6)
+        assert slope[i] == pytest.approx(float((picture(x + step) - picture(x - step)) / 2e-6), rel=1e-5, abs=1e-7)
+
+
+def test_dark_side_has_finite_slopes():
+    def dark(x):
+        fresnel = jnp.array([0.5])
+        shine = shading.torrance_sparrow(fresnel, 1.0, x[0], x[1], 0.5, x[2], width=0.2)
+        return jnp.sum(shading.phong(0.5, 1.0, x[0], x[2], exponent=x[3]) + shine)
+
+    for values in ((-0.5, 0.5, -0.5, 11.0), (0.5, -0.5, 0.0, 11.0), (0.0, 0.0, 0.0, 0.5)):
+        assert np.all(np.isfinite(jax.grad(dark)(jnp.array(values))))
+
+
+def test_float32_stays_float32():
+    x = jnp.float32(0.5)
+    assert shading.phong(jnp.ones(3, jnp.float32), jnp.float32(1), x, x, specular=x, exponent=x).dtype == jnp.float32
