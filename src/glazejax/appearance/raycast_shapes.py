@@ -94,7 +94,7 @@ def make_geometry(shapes: "Sequence[Shape]", materials: Mapping[str, int]) -> Ge
         _rows([s.centre for s in spheres], 3),
         np.array([s.radius for s in spheres], float),
         _rows([p.point for p in planes], 3),
-        np.array([_frame(p) for p in planes]).reshape(-1, 3, 3),
+        np.array([plane_frame(p) for p in planes]).reshape(-1, 3, 3),
         np.array([(np.inf, np.inf) if p.size is None else np.array(p.size) / 2 for p in planes]).reshape(-1, 2),
         _rows([b.centre for b in boxes], 3),
         _rows([b.size for b in boxes], 3) / 2,
@@ -110,8 +110,8 @@ def _rows(values: list, width: int) -> np.ndarray:
     return np.array(values, float).reshape(-1, width)
 
 
-def _frame(plane: "Plane") -> np.ndarray:
-    """Unit vectors along the width, along the height, and the normal."""
+def plane_frame(plane: "Plane") -> np.ndarray:
+    """Unit vectors along the width, along the height, and the normal, in rows."""
     normal = np.asarray(plane.normal, float) / np.linalg.norm(np.asarray(plane.normal, float))
     for guide in (np.asarray(plane.up, float), np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])):
         height = guide - (guide @ normal) * normal
