@@ -5,7 +5,8 @@
 Three scenes: diffuse things with shadows of a parallel and a point light; a polished copper ball over a diffuse
 floor (a path of two, so that Mitsuba adds no light between diffuse things); a glazed sphere and a glazed box through
 the exported measured BSDF. Both programs give XYZ of every pixel. Prints the mean of the absolute differences of Y and
-the difference of the means, as shares of the mean of the image, and the first also on the pixels of the objects alone; draws the pictures side by side.
+the difference of the means, as shares of the mean of the image, and the first also on the pixels of the objects alone;
+draws the pictures side by side.
 """
 
 import argparse

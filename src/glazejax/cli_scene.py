@@ -135,6 +135,9 @@ def _write(found: "SceneFile", rendered: "Rendered", out: Path, spectral: Path |
     save_png(out, screen.rgb)
     for line in rendered.report.describe().splitlines():
         typer.echo(f"       {line}")
-    if screen.outside > 0:
-        words = f"{screen.outside:.1%} of the pixels are brighter or more colourful than {found.display} can show"
-        typer.echo(f"note   {words}; a lower exposure shows more of them", err=True)
+    if screen.bright > 0:
+        words = f"{screen.bright:.1%} of the pixels are brighter than the screen's white; a lower exposure shows them"
+        typer.echo(f"note   {words}", err=True)
+    if screen.colourful > 0:
+        words = f"{screen.colourful:.1%} of the pixels are more colourful than {found.display} can show"
+        typer.echo(f"note   {words}: they are brought inside ([picture] gamut = {found.gamut!r})", err=True)

@@ -84,13 +84,12 @@ def lamp_on_bands(
         raise ValueError(f"{words} is known at {describe_grid(own)} only, but the scene has {describe_grid(grid)}")
     if not np.all(values >= 0) or not np.any(values > 0):
         raise ValueError(f"{words} must have power above 0 and nowhere below, not {values.min():g}")
-    # 1 nm is fine enough for every table of lamps there is.
-    fine = np.arange(np.floor(max(own[0], grid[0] - 50)), np.ceil(min(own[-1], grid[-1] + 50)) + 1.0)
-    fine = fine[(fine >= own[0]) & (fine <= own[-1])]
-    power = np.interp(fine, own, values)
     steps = np.diff(grid) if grid.size > 1 else np.array([1.0])
-    # Outermost bands reach outwards as far as inwards.
+    # The outermost bands reach outwards as far as inwards; there the lamp's last value is repeated if need be.
     outer = np.concatenate([[grid[0] - steps[0]], grid, [grid[-1] + steps[-1]]])
+    # 1 nm is fine enough for every table of lamps there is.
+    fine = np.arange(np.floor(outer[0]), np.ceil(outer[-1]) + 1.0)
+    power = np.interp(fine, own, values)
     hats = np.stack([np.interp(fine, outer[k : k + 3], [0.0, 1.0, 0.0], 0.0, 0.0) for k in range(grid.size)])
     bands = (hats @ power) / hats.sum(axis=1)
     luminance = float(bands @ colour_weights(grid, "E", CIE_1931)[:, 1])

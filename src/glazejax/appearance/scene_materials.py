@@ -18,6 +18,10 @@ from . import shading
 from .glaze_material import GlazeTable, glaze_table
 
 
+# Degrees that a table reaches beyond the angles seen.
+_MARGIN = 0.05
+
+
 class Angles(eqx.Module):
     """Cosines of pairs of a point and a light, (pairs,) each, and thicknesses at the points."""
 
@@ -287,6 +291,6 @@ class GlazedTable(Material):
 
 
 def _degrees(cosines: tuple[float, float]) -> tuple[float, float]:
-    """Range of angles in degrees that holds a range of cosines."""
+    """Range of angles in degrees that holds a range of cosines, and never so narrow that rounding shows."""
     low, high = np.rad2deg(np.arccos(np.clip(cosines, 0.0, 1.0))[::-1])
-    return max(float(low) - 1e-6, 0.0), min(float(high) + 1e-6, 90.0)
+    return max(float(low) - _MARGIN, 0.0), min(float(high) + _MARGIN, 90.0)

@@ -13,6 +13,8 @@ from .scene_render import Rendered
 if TYPE_CHECKING:
     from .display import Display, Gamut
 
+# Light beyond the display's range, in parts of it, that the eye cannot tell from the edge.
+_SLACK = 0.002
 SPECTRAL_ENDINGS = (".npz", ".exr")
 
 
@@ -39,8 +41,10 @@ class Screen(NamedTuple):
     """A picture for a display."""
 
     rgb: UInt8[np.ndarray, "h w 3"]
-    outside: float
-    """Share of the pixels that the display cannot show as they are, being too bright or too colourful."""
+    bright: float
+    """Share of the pixels that are too bright for the display."""
+    colourful: float
+    """Share of the pixels that are too colourful for it, at any brightness."""
 
 
 def screen_picture(
@@ -65,10 +69,12 @@ def screen_picture(
     display = display or Display.preset("sRGB")
     missing = ~np.isfinite(xyz).all(axis=-1)
     adapted = display.adapt(np.where(missing[..., None], 0.0, exposure * xyz), white)
-    digital = display.to_rgb(adapted, gamut=gamut)
-    rgb = np.array(digital.rgb).astype(np.uint8)
+    rgb = np.array(display.to_rgb(adapted, gamut=gamut).rgb).astype(np.uint8)
     rgb[missing] = 128
-    return Screen(rgb, float(np.mean(np.asarray(digital.outside)[~missing])) if not missing.all() else 0.0)
+    light = np.asarray(display.linear(adapted))[~missing]
+    bright, colourful = (np.any(wrong, axis=-1) for wrong in (light > 1 + _SLACK, light < -_SLACK))
+    shares = [float(np.mean(wrong)) if wrong.size else 0.0 for wrong in (bright & ~colourful, colourful)]
+    return Screen(rgb, *shares)
 
 
 def save_png(path: str | Path, rgb: UInt8[np.ndarray, "h w 3"]) -> None:

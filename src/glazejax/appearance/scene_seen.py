@@ -10,8 +10,8 @@ from .raycast import Level
 from .scene import Scene
 from .scene_materials import Glazed, Material, Seen
 
-# Share of a tristimulus value of white that the bands left out may make, all together.
-_BANDS_SHARE = 1e-4
+# Share of a tristimulus value of white that the bands left out may make, all together: one step of 8 bits near black.
+_BANDS_SHARE = 1 / (12.92 * 255)
 
 
 class Sight:
@@ -102,7 +102,7 @@ def _legal(pair: tuple[float, float]) -> tuple[float, float]:
 
 
 def needed_bands(scene: Scene) -> Bool[np.ndarray, "bands"]:
-    """Bands that a picture on a screen can show: the others make less than a ten-thousandth of white, all together."""
+    """Bands that a picture on a screen can show: what the others make of white, all together, is below a step of 8 bits."""
     weights = np.abs(colour_weights(scene.wavelengths, "E"))
     spectra = np.concatenate([scene.light_spectra(), scene.background_spectrum()[None]])
     keep = np.zeros(weights.shape[0], bool)

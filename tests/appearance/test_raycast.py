@@ -1,0 +1,196 @@
+"""The ray caster against closed forms: single rays, a Lambert sphere, shadow edges, mirrors in mirrors, meshes."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from glazejax.appearance.raycast import lamps, trace
+from glazejax.appearance.raycast_shapes import Hit, make_geometry, nearest, rotation, surface
+from glazejax.appearance.scene import (
+    Box,
+    Camera,
+    Conductor,
+    Lambert,
+    Mesh,
+    ParallelLight,
+    Phong,
+    Plane,
+    PointLight,
+    Scene,
+    Sphere,
+)
+from glazejax.appearance.scene_render import render
+from glazejax.radiative.fresnel import conductor_reflectance
+
+GRID = np.arange(400.0, 701.0, 30.0)
+MATERIALS = {"m": 0}
+
+
+def hit_of(shape, origin, direction):
+    geometry = make_geometry([shape], MATERIALS)
+    rays = jnp.asarray([origin], float), jnp.asarray([direction], float) / np.linalg.norm(direction)
+    hit = nearest(geometry, *rays)
+    return hit, surface(geometry, hit, *rays)
+
+
+@pytest.mark.parametrize(
+    ("shape", "origin", "direction", "distance", "normal", "uv"),
+    [
+        (Sphere("m", (0, 0, 5), 2.0), (0, 0, 0), (0, 0, 1), 3.0, (0, 0, -1), (0.5, 0.0)),
+        (Sphere("m", (1, 0, 0), 1.0), (1, 0, 0), (1, 0, 0), 1.0, (-1, 0, 0), (0.5, 0.5)),
+        (Plane("m", (0, 0, -1), (0, 0, 1)), (0, 0, 1), (0, 3, -4), 2.5, (0, 0, 1), (0.0, 1.5)),
+        (Plane("m", (0, 2, 0), (0, -1, 0), (4, 2)), (1, 0, 0.5), (0, 1, 0), 2.0, (0, -1, 0), (0.75, 0.75)),
+        (Box("m", (0, 0, 0), (2, 4, 6)), (5, 1, 0), (-1, 0, 0), 4.0, (1, 0, 0), (0.75, 0.5)),
+        (Box("m", (0, 0, 0), (2, 2, 2), (0, 0, 45)), (5, 0, 0), (-1, 0, 0), 5 - np.sqrt(2), None, None),
+        (Box("m", (0, 0, 0), (2, 4, 6)), (0, 0, 0), (0, 0, 1), 3.0, (0, 0, -1), (0.5, 0.5)),
+    ],
+)
+def test_single_rays(shape, origin, direction, distance, normal, uv):
+    hit, found = hit_of(shape, origin, direction)
+    np.testing.assert_allclose(hit.distance, [distance], rtol=1e-12)
+    if normal is not None:
+        np.testing.assert_allclose(found.normal, [normal], atol=1e-12)
+        np.testing.assert_allclose(found.uv, [uv], atol=1e-12)
+
+
+def test_missed_shapes():
+    for shape in (Sphere("m", (0, 0, 5)), Plane("m", (0, 0, 5), size=(1, 1)), Box("m", (0, 0, 5))):
+        hit, _ = hit_of(shape, (2, 0, 0), (0, 0, 1))
+        assert np.isinf(hit.distance[0])
+        assert hit.shape[0] == -1
+
+
+def test_rotation_turns_as_it_says():
+    np.testing.assert_allclose(rotation((90, 0, 0)) @ [0, 1, 0], [0, 0, 1], atol=1e-15)
+    np.testing.assert_allclose(rotation((0, 90, 0)) @ [0, 0, 1], [1, 0, 0], atol=1e-15)
+    np.testing.assert_allclose(rotation((0, 0, 90)) @ [1, 0, 0], [0, 1, 0], atol=1e-15)
+    np.testing.assert_allclose(rotation((90, 0, 90)) @ [0, 1, 0], [0, 0, 1], atol=1e-15)
+
+
+def bumpy(count=24):
+    """A closed mesh of some thousand triangles."""
+    u, v = np.meshgrid(np.linspace(0, 2 * np.pi, 2 * count), np.linspace(0, np.pi, count))
+    r = 1 + 0.2 * np.sin(5 * u) * np.sin(v) ** 2
+    points = np.stack([r * np.cos(u) * np.sin(v), r * np.sin(u) * np.sin(v), r * np.cos(v)], -1).reshape(-1, 3)
+    index = np.arange(points.shape[0]).reshape(count, 2 * count)
+    a, b, c, d = (x.ravel() for x in (index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]))
+    return Mesh("m", points, np.concatenate([np.stack([a, b, c], 1), np.stack([b, d, c], 1)]))
+
+
+def test_tree_finds_what_trying_all_triangles_finds():
+    mesh = bumpy()
+    rng = np.random.default_rng(0)
+    origin, direction = rng.normal(size=(300, 3)) * 2, rng.normal(size=(300, 3))
+    direction = (rng.normal(size=(300, 3)) * 0.5 - origin) + 0.1 * direction
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    hit = nearest(make_geometry([mesh], MATERIALS), jnp.asarray(origin), jnp.asarray(direction))
+    corners = mesh.vertices[mesh.faces]
+    best = np.full(300, np.inf)
+    for a, b, c in corners:
+        matrix = np.stack([np.broadcast_to(b - a, (300, 3)), np.broadcast_to(c - a, (300, 3)), -direction], axis=2)
+        good = np.abs(np.linalg.det(matrix)) > 1e-12
+        u, v, t = np.linalg.solve(np.where(good[:, None, None], matrix, np.eye(3)), (origin - a)[..., None])[..., 0].T
+        best = np.where(good & (u >= 0) & (v >= 0) & (u + v <= 1) & (t > 0) & (t < best), t, best)
+    assert np.isfinite(best).mean() > 0.5
+    np.testing.assert_allclose(
+        np.where(np.isfinite(best), best, -1), np.where(hit.shape >= 0, hit.distance, -1), atol=1e-9
+    )
+
+
+def test_smooth_normals_are_those_of_a_sphere():
+    trimesh = pytest.importorskip("trimesh")
+    ball = trimesh.creation.icosphere(subdivisions=4)
+    mesh = Mesh("m", ball.vertices, ball.faces, ball.vertices)
+    hit, found = hit_of(mesh, (0.3, -5, 0.4), (0, 1, 0))
+    exact = np.array([0.3, -np.sqrt(1 - 0.25), 0.4])
+    np.testing.assert_allclose(found.normal[0], exact, atol=3e-3)
+    assert abs(float(np.dot(found.face[0], exact))) < 1
+    assert isinstance(hit, Hit)
+
+
+def scene(shapes, materials, lights, camera, **options):
+    return Scene(GRID, shapes, materials, lights, camera, **({"width": 32, "height": 24} | options))
+
+
+def test_lambert_sphere_is_the_cosine():
+    spectrum = np.linspace(0.2, 1.0, GRID.size)
+    light = ParallelLight((0.3, 1.0, -0.5), spectrum)
+    camera = Camera((0, -5, 0), field_of_view=30)
+    made = scene([Sphere("m")], {"m": Lambert(0.6)}, [light], camera, background=0.125, antialias=1)
+    picture = render(made).radiance
+    across, down = np.meshgrid(np.arange(32) + 0.5, np.arange(24) + 0.5)
+    origin, direction = made.rays(across.ravel(), down.ravel())
+    along = -np.sum(origin * direction, axis=1)
+    inside = 1 - np.sum((origin + along[:, None] * direction) ** 2, axis=1)
+    normal = origin + (along - np.sqrt(np.maximum(inside, 0)))[:, None] * direction
+    towards = -np.array(light.direction) / np.linalg.norm(light.direction)
+    exact = 0.6 * np.maximum(normal @ towards, 0)[:, None] * spectrum
+    exact = np.where(inside[:, None] > 0, exact, 0.125)
+    np.testing.assert_allclose(picture.reshape(-1, GRID.size), exact, atol=1e-6)
+
+
+def test_shadow_edge_of_a_rectangle_is_where_it_falls():
+    # A screen of 1 x 1 at height 1 under vertical light; a point light at height 2 doubles the shadow.
+    camera = Camera((0, 0, 0.9), (0, 0, 0), up=(0, 1, 0), field_of_view=150)
+    shapes = [Plane("m"), Plane("m", (0, 0, 1), size=(1, 1), up=(0, 1, 0))]
+    for light, half in ((ParallelLight((0, 0, -1), 1.0), 0.5), (PointLight((0, 0, 2), 1.0), 1.0)):
+        made = scene(shapes, {"m": Lambert(1.0)}, [light], camera, width=300, height=2, antialias=1)
+        lit = render(made).radiance[0, :, 0] > 0
+        x = np.tan(np.deg2rad(75)) * 0.9 * (2 * (np.arange(300) + 0.5) / 300 - 1)
+        np.testing.assert_array_equal(lit, np.abs(x) > half)
+
+
+def test_point_light_falls_with_the_square_of_the_distance():
+    camera = Camera((0, 0, 1), (0, 0, 0), up=(0, 1, 0), field_of_view=1)
+    values = [
+        render(
+            scene([Plane("m")], {"m": Lambert(1.0)}, [PointLight((0, 3, 4), s)], camera, width=1, height=1)
+        ).radiance[0, 0, 0]
+        for s in (1.0, 2.0)
+    ]
+    # Distance 5, cosine 4/5.
+    np.testing.assert_allclose(values, [0.8 / 25, 1.6 / 25], rtol=1e-4)
+
+
+def test_mirror_of_mirror():
+    # Two polished metals face each other at 45 degrees; a ray meets both, then a lit wall.
+    n, k = np.linspace(0.2, 1.0, GRID.size), np.linspace(2.0, 4.0, GRID.size)
+    metal = Conductor(n, k)
+    wall = np.linspace(0.3, 0.9, GRID.size)
+    shapes = [
+        Plane("metal", (0, 0, 0), (-1, 0, 1), (1, 1), (0, 1, 0)),
+        Plane("metal", (0, 0, 2), (-1, 0, -1), (1, 1), (0, 1, 0)),
+        Plane("wall", (-5, 0, 2), (1, 0, 0), (1, 1)),
+    ]
+    # From the left: at the first metal upwards, at the second back to the left.
+    camera = Camera((-3, 0, 0), (0, 0, 0), field_of_view=0.5)
+    # Past the second metal, not through it.
+    light = ParallelLight((-1, 1, 0), 1.0)
+    made = scene(shapes, {"metal": metal, "wall": Lambert(wall)}, [light], camera, width=1, height=1, antialias=1)
+    once = conductor_reflectance(np.sqrt(0.5), n, k)
+    np.testing.assert_allclose(render(made).radiance[0, 0], once**2 * wall * np.sqrt(0.5), rtol=1e-6)
+    short = scene(shapes, made.materials, [light], camera, width=1, height=1, antialias=1, bounces=1)
+    np.testing.assert_allclose(render(short).radiance[0, 0], 0.0, atol=1e-12)
+
+
+def test_phong_pixels_lie_between_body_and_light():
+    body, lamp = np.linspace(0.1, 0.7, GRID.size), np.linspace(1.0, 0.4, GRID.size)
+    light = ParallelLight((0.2, 1.0, -0.6), lamp)
+    material = Phong(body, 0.6, 20.0)
+    made = scene([Sphere("m")], {"m": material}, [light], Camera((0, -4, 0.5)))
+    colours = render(made).radiance.reshape(-1, GRID.size)
+    colours = colours[colours.sum(axis=1) > 1e-3]
+    parts, _, rank, _ = np.linalg.lstsq(np.stack([body * lamp, lamp], axis=1), colours.T, rcond=None)
+    assert rank == 2
+    assert parts.min() > -1e-9
+    assert parts[1].max() > 0.5
+    np.testing.assert_allclose(np.stack([body * lamp, lamp], axis=1) @ parts, colours.T, atol=1e-12)
+
+
+def test_rays_that_carry_little_are_not_followed():
+    made = scene([Sphere("m")], {"m": Lambert(1.0)}, [ParallelLight((0, 1, 0), 1.0)], Camera((0, -4, 0)))
+    rays = made.rays(np.array([16.0]), np.array([12.0]))
+    arguments = (made.geometry(), lamps(made.lights), *rays)
+    follow = trace(*arguments, reflects=lambda number, cosines: 0.01 + 0 * cosines, bounces=3)
+    assert len(follow) == 2
+    assert len(trace(*arguments, reflects=lambda number, cosines: 1e-4 + 0 * cosines, bounces=3)) == 1

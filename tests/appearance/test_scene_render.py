@@ -1,0 +1,298 @@
+"""Pictures of scenes: glazes as materials, what is left out, gradients, lamps, and files of pictures."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import glazejax as gj
+from glazejax import colour
+from glazejax.appearance.raycast import lamps, trace
+from glazejax.appearance.raycast_shade import radiance, sample_map
+from glazejax.appearance.scene import (
+    Box,
+    Camera,
+    Conductor,
+    Glazed,
+    Lambert,
+    ParallelLight,
+    Phong,
+    Plane,
+    PointLight,
+    Scene,
+    Sphere,
+)
+from glazejax.appearance.scene_lights import lamp, lamp_on_bands, measured_lamp
+from glazejax.appearance.scene_picture import light_white, picture_xyz, save_png, save_spectral, screen_picture
+from glazejax.appearance.scene_render import render
+from glazejax.appearance.scene_seen import needed_bands
+from glazejax.radiative.fresnel import dielectric_reflectance
+
+GRID = np.arange(400.0, 701.0, 30.0)
+
+
+def paint(name, grid=GRID):
+    return gj.catalogue.load()[name].resample(grid)
+
+
+def blue_glaze(thickness=3e-6):
+    return gj.Glaze([gj.Layer(paint("UltramarineBlue"), thickness), gj.Layer(paint("ZincWhite"), 20e-6)], 0.8)
+
+
+def flat(material, light, camera, **options):
+    return Scene(GRID, [Plane("m")], {"m": material}, [light], camera, **({"width": 1, "height": 1} | options))
+
+
+@pytest.mark.parametrize(("incidence", "viewing"), [(0, 45), (45, 0), (60, 30)])
+def test_a_flat_glaze_is_the_solver_at_the_angles_of_the_scene(incidence, viewing):
+    a, b = np.deg2rad([incidence, viewing])
+    light = ParallelLight((np.sin(a), 0, -np.cos(a)), np.linspace(0.5, 1.0, GRID.size))
+    camera = Camera((-np.sin(b), 0, np.cos(b)), up=(0, 1, 0), field_of_view=0.01)
+    glaze = blue_glaze()
+    made = render(flat(Glazed(glaze, gloss=False), light, camera), tolerance=1e-5).radiance[0, 0]
+    exact = gj.reflectance(glaze, gj.Bidirectional(incidence, viewing)) * np.cos(a) * light.spectrum
+    np.testing.assert_allclose(made, exact, atol=1e-5)
+
+
+def test_gloss_adds_the_mirrored_surroundings():
+    background = np.linspace(0.2, 0.9, GRID.size)
+    camera = Camera((-1, 0, 1), up=(0, 1, 0), field_of_view=0.01)
+    light = ParallelLight((0, 0, -1), 1.0)
+    pictures = [
+        render(flat(Glazed(blue_glaze(), gloss=g), light, camera, background=background)) for g in (True, False)
+    ]
+    added = (pictures[0].radiance - pictures[1].radiance)[0, 0]
+    np.testing.assert_allclose(added, dielectric_reflectance(np.sqrt(0.5), 1.5) * background, rtol=1e-6)
+
+
+def test_a_thickness_map_is_where_it_belongs():
+    # Four quarters, seen straight from above: the first row of the map is on top, its first column left.
+    depths = np.array([[0.0, 1e-6], [3e-6, 8e-6]])
+    glaze = gj.Glaze([gj.Layer(paint("UltramarineBlue"), 1e-6)], 0.8)
+    camera = Camera((0, 0, 10), up=(0, 1, 0), field_of_view=np.rad2deg(2 * np.arctan(0.1)))
+    light = ParallelLight((1, 0, -1), 1.0)
+    material = Glazed(glaze, jnp.asarray(np.kron(depths, np.ones((8, 8)))), gloss=False)
+    made = Scene(
+        GRID, [Plane("m", size=(2, 2), up=(0, 1, 0))], {"m": material}, [light], camera, width=4, height=4, antialias=1
+    )
+    picture = render(made, tolerance=1e-5).radiance
+    for row in range(4):
+        for column in range(4):
+            thick = gj.Glaze([gj.Layer(paint("UltramarineBlue"), depths[row // 2, column // 2])], 0.8)
+            x, y = 0.5 * column - 0.75, 0.75 - 0.5 * row
+            viewing = np.rad2deg(np.arctan(np.hypot(x, y) / 10))
+            exact = gj.reflectance(thick, gj.Bidirectional(45.0, viewing)) * np.sqrt(0.5)
+            np.testing.assert_allclose(picture[row, column], exact, atol=2e-5)
+
+
+def test_maps_are_bilinear_between_the_middles_of_pixels():
+    values = jnp.array([[0.0, 1.0], [2.0, 4.0]])
+    uv = jnp.array([[0.25, 0.75], [0.75, 0.25], [0.5, 0.5], [0.0, 1.0], [1.0, 0.0], [1.25, 0.75], [0.5, 0.75]])
+    np.testing.assert_allclose(sample_map(values, uv), [0, 4, 1.75, 0, 4, 0, 0.5], atol=1e-12)
+
+
+def still_life(**options):
+    light = np.linspace(0.5, 1.0, GRID.size)
+    materials = {
+        "floor": Lambert(0.5),
+        "blue": Glazed(blue_glaze()),
+        "shiny": Phong(0.3 * light, 0.4, 30.0),
+        "metal": Conductor(0.3, 3.0),
+        "rough": Conductor(0.3, 3.0, 15.0),
+        "unseen": Glazed(blue_glaze(1e-6)),
+    }
+    shapes = [
+        Plane("floor"),
+        Sphere("blue", (-1, 0, 0.6), 0.6),
+        Box("shiny", (0.9, 0.3, 0.4), (0.8, 0.8, 0.8), (0, 0, 30)),
+        Sphere("metal", (0.1, -0.6, 0.3), 0.3),
+        Sphere("rough", (0.9, -0.9, 0.25), 0.25),
+        Sphere("unseen", (0, -20, 0.5), 0.5),
+    ]
+    lights = [ParallelLight((0.5, 1, -1), light), PointLight((-2, -2, 3), 4 * light[::-1])]
+    camera = Camera((0, -4, 2), (0, 0, 0.4))
+    return Scene(GRID, shapes, materials, lights, camera, **({"width": 40, "height": 30, "antialias": 3} | options))
+
+
+def test_adaptive_rays_are_close_to_many_rays_everywhere():
+    made = still_life(background=0.3)
+    few, many = render(made), render(made, adaptive=False)
+    difference = np.abs(few.radiance - many.radiance).mean(axis=-1)
+    assert np.isfinite(few.radiance).all()
+    assert difference.mean() < 0.003 * many.radiance.mean()
+    assert difference.max() < 0.05
+    assert few.report.rays < 0.75 * many.report.rays
+
+
+def test_only_what_is_in_view_is_prepared():
+    made = still_life()
+    report = render(made).report
+    # The sphere behind the camera is seen by no mirror either, being small; then its material is not prepared.
+    alone = render(replace(made, shapes=[made.shapes[0], made.shapes[5]])).report
+    assert alone.materials == 1
+    assert report.materials_full == 6
+    assert 0 < report.pairs < report.pairs_full
+    assert 0.3 < report.saved < 1
+    assert "of" in report.describe()
+
+
+def test_bands_that_no_screen_can_show_are_left_out():
+    grid = np.arange(380.0, 781.0, 10.0)
+    light = ParallelLight((0, 0, -1), lamp("A", grid))
+    material = Lambert(np.linspace(0.05, 0.6, grid.size))
+    made = Scene(grid, [Plane("m")], {"m": material}, [light], Camera((0, -3, 2)), width=4, height=4)
+    keep = needed_bands(made)
+    assert 25 < keep.sum() < 38
+    assert keep[5:30].all()
+    part, full = render(made, spectral=False), render(made)
+    assert part.radiance.shape[-1] == keep.sum()
+    exact = picture_xyz(full, grid)
+    assert np.abs(picture_xyz(part, grid) - exact).max() < 1 / (12.92 * 255)
+
+
+def test_an_interrupted_picture_keeps_what_it_has(monkeypatch):
+    made = still_life(width=160, height=120, antialias=1)
+    calls = []
+
+    def stop(share, words):
+        calls.append(share)
+        if words == "computing spectra" and share > 0.5:
+            raise KeyboardInterrupt
+
+    monkeypatch.setattr("glazejax.appearance.scene_render.TILE", 2**11)
+    rendered = render(made, progress=stop)
+    done = np.isfinite(rendered.radiance[..., 0])
+    assert 0 < done.mean() < 1
+    assert 0 < rendered.done < 1
+    assert done[0].all()
+    shown = screen_picture(picture_xyz(rendered, GRID), np.array([0.95, 1.0, 1.09]))
+    assert (shown.rgb[~done] == 128).all()
+
+
+def test_gradient_of_a_pixel_by_the_spectrum_of_a_material():
+    made = still_life(width=8, height=6, antialias=1, background=0.2)
+    materials = list(made.materials.values())
+    pixels = np.arange(48)
+    levels = trace(
+        made.geometry(),
+        lamps(made.lights),
+        *made.rays(pixels % 8 + 0.5, pixels // 8 + 0.5),
+        reflects=lambda number, cosines: np.ones(len(cosines)) * (number == 3),
+        bounces=2,
+    )
+    weights = jnp.asarray(np.random.default_rng(1).normal(size=(48, GRID.size)))
+
+    def total(body, index, light):
+        changed = [*materials]
+        changed[0], changed[1], changed[5] = Lambert(body), None, None
+        changed[3] = Conductor(index, 3.0)
+        spectra = jnp.asarray(made.light_spectra()).at[0].set(light)
+        return jnp.sum(weights * radiance(levels, changed, spectra, jnp.asarray(made.background_spectrum())))
+
+    point = (jnp.full(GRID.size, 0.5), jnp.full(GRID.size, 0.3), jnp.asarray(made.light_spectra()[0]))
+    slopes = jax.grad(total, argnums=(0, 1, 2))(*point)
+    for argument, slope in enumerate(slopes):
+        assert np.abs(slope).max() > 1e-3
+        for band in (0, 5, 10):
+            step = 1e-5 * jnp.eye(GRID.size)[band]
+            ends = [total(*(x + sign * step * (k == argument) for k, x in enumerate(point))) for sign in (1, -1)]
+            np.testing.assert_allclose((ends[0] - ends[1]) / 2e-5, slope[band], rtol=1e-5, atol=1e-8)
+
+
+def test_lamps_have_luminance_one_and_keep_their_lines():
+    for grid in (np.arange(400.0, 701.0, 10.0), np.arange(380.0, 781.0, 5.0)):
+        for name in ("D65", "A", "FL2"):
+            spectrum = lamp(name, grid)
+            np.testing.assert_allclose(spectrum @ colour.colour_weights(grid, "E")[:, 1], 1.0)
+    # Against ASTM's weights of the illuminant itself: a paint under a fluorescent lamp.
+    grid = np.arange(400.0, 701.0, 10.0)
+    reflectance = gj.reflectance(
+        gj.Glaze([gj.Layer(gj.catalogue.load()["Vermillion"], 25e-6)], 0.8), gj.Bidirectional(45.0)
+    )
+    for name, limit in (("D65", 0.05), ("A", 0.05), ("FL2", 0.6)):
+        white = light_white(lamp(name, grid), grid)
+        here = lamp(name, grid) * np.asarray(reflectance) @ colour.colour_weights(grid, "E")
+        there = colour.lab(grid, reflectance, illuminant=name)
+        difference = colour.delta_e_2000(colour.xyz_to_lab(here, white), there)
+        assert difference < limit, name
+
+
+def test_measured_lamps(tmp_path):
+    table = tmp_path / "lamps.csv"
+    table.write_text("nm,one,two\n" + "\n".join(f"{w},{w},{2000 - w}" for w in range(380, 800, 5)))
+    one = measured_lamp(f"{table}:one", GRID, 2.0)
+    np.testing.assert_allclose(one[1:] / one[:-1], GRID[1:] / GRID[:-1], rtol=2e-3)
+    with pytest.raises(ValueError, match="holds 2 lamps: choose one"):
+        measured_lamp(table, GRID)
+    with pytest.raises(ValueError, match="no lamp 'three'; there are one, two"):
+        measured_lamp(f"{table}:three", GRID)
+    with pytest.raises(FileNotFoundError, match="no file"):
+        measured_lamp(tmp_path / "none.csv", GRID)
+    with pytest.raises(ValueError, match="known at 450-550 nm"):
+        lamp_on_bands(np.arange(450.0, 551.0, 10), np.ones(11), GRID)
+    with pytest.raises(ValueError, match="power above 0"):
+        lamp_on_bands(np.arange(300.0, 800.0, 10), np.zeros(50), GRID)
+
+
+def test_pictures_and_spectra_are_written(tmp_path):
+    rendered = render(still_life())
+    save_spectral(tmp_path / "a.npz", rendered)
+    with np.load(tmp_path / "a.npz") as stored:
+        np.testing.assert_allclose(stored["radiance"], rendered.radiance, rtol=1e-6)
+        np.testing.assert_array_equal(stored["wavelengths"], GRID)
+    screen = screen_picture(picture_xyz(rendered, GRID), np.array([0.95, 1.0, 1.09]))
+    save_png(tmp_path / "a.png", screen.rgb)
+    from matplotlib.image import imread
+
+    np.testing.assert_array_equal(np.round(imread(tmp_path / "a.png")[..., :3] * 255), screen.rgb)
+    assert 0 <= screen.bright < 0.5
+    with pytest.raises(ValueError, match=r"as .npz or .exr"):
+        save_spectral(tmp_path / "a.txt", rendered)
+
+
+def test_spectra_in_openexr(tmp_path):
+    OpenEXR = pytest.importorskip("OpenEXR")
+    rendered = render(still_life(width=8, height=6))
+    save_spectral(tmp_path / "a.exr", rendered)
+    with OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True) as file:
+        channels = file.channels()
+        assert sorted(channels) == [f"S0.{w:.0f},000000nm" for w in GRID]
+        for k, wavelength in enumerate(GRID):
+            pixels = channels[f"S0.{wavelength:.0f},000000nm"].pixels
+            np.testing.assert_allclose(pixels, rendered.radiance[..., k], rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"shapes": []}, "at least one shape"),
+        ({"lights": []}, "at least one light"),
+        ({"shapes": [Sphere("none")]}, "material 'none'"),
+        ({"width": 0}, "width must be a whole number from 1 to 20000, not 0"),
+        ({"background": np.ones(3)}, "background has shape"),
+        ({"materials": {"m": Lambert(np.ones(3))}, "shapes": [Sphere("m")]}, "reflectance of material 'm' has shape"),
+        ({"materials": {"m": Lambert(-0.5)}, "shapes": [Sphere("m")]}, "holds -0.5"),
+    ],
+)
+def test_scenes_that_cannot_be(change, words):
+    with pytest.raises(ValueError, match=words):
+        replace(still_life(), **change)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: Sphere("m", radius=-1), "radius must be a number above 0, not -1"),
+        (lambda: Sphere("m", (1, 2)), "centre must be three finite numbers"),
+        (lambda: Plane("m", normal=(0, 0, 0)), "no direction"),
+        (lambda: Plane("m", size=(1, 0)), "size must be a number above 0"),
+        (lambda: Camera((0, 0, 1), (0, 0, 0)), "looks along its up"),
+        (lambda: Camera((0, 0, 0), (0, 0, 0)), "target"),
+        (lambda: Camera((0, -1, 0), field_of_view=200), "field_of_view must be between 0 and 170 degrees, not 200"),
+    ],
+)
+def test_things_that_cannot_be(make, words):
+    with pytest.raises(ValueError, match=words):
+        make()
