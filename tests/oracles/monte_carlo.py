@@ -115,3 +115,67 @@ def _turned(rng: np.random.Generator, direction: np.ndarray, g: np.ndarray) -> n
     return (
         (sine * np.cos(turn))[:, None] * first + (sine * np.sin(turn))[:, None] * second + cosine[:, None] * direction
     )
+
+
+class Indexed(NamedTuple):
+    """Free-standing layers top first, each of its own refractive index, air above and another medium below."""
+
+    albedo: np.ndarray
+    optical_thickness: np.ndarray
+    g: np.ndarray
+    refractive_index: np.ndarray
+    below: float
+
+
+def simulate_fluxes(paint: Indexed, cos_incidence: float, paths: int, seed: int = 0) -> np.ndarray:
+    """Shares of a beam's flux that come back and that go through, with standard errors, (2, 2).
+
+    What the outer surface reflects at once is not in it. Surfaces between layers reflect and refract by chance.
+    """
+    rng = np.random.default_rng(seed)
+    n = np.concatenate([[1.0], paint.refractive_index, [paint.below]])
+    last = len(paint.albedo)
+    first, enter = _surface(np.array([cos_incidence]), n[:1], n[1:2])
+    direction = np.tile([np.sqrt(1.0 - enter[0] ** 2), 0.0, enter[0]], (paths, 1))
+    medium, depth = np.ones(paths, int), np.zeros(paths)  # optical depth below the layer's upper face
+    weight, index = np.full(paths, 1.0 - first[0]), np.arange(paths)
+    flux = np.zeros((2, paths))
+    while index.size:
+        thickness = paint.optical_thickness[medium - 1]
+        target = depth + direction[:, 2] * rng.exponential(size=index.size)
+        up, down = target <= 0, target >= thickness
+        beyond = medium + np.where(down, 1, -1)
+        reflectance, cosine = _surface(np.abs(direction[:, 2]), n[medium], n[beyond])
+        at_face = up | down
+        crosses = at_face & (rng.random(index.size) >= reflectance)
+        turns = at_face & ~crosses
+        direction[turns, 2] *= -1.0
+        ratio = np.sqrt((1 - cosine**2) / np.maximum(1 - direction[:, 2] ** 2, 1e-300))
+        sign = np.where(direction[:, 2] > 0, 1.0, -1.0)
+        refracted = np.stack([direction[:, 0] * ratio, direction[:, 1] * ratio, sign * cosine], axis=1)
+        direction = np.where(crosses[:, None], refracted, direction)
+        hit = ~at_face
+        weight[hit] *= paint.albedo[medium[hit] - 1]
+        direction[hit] = _turned(rng, direction[hit], paint.g[medium[hit] - 1])
+        depth = np.where(hit, target, np.where(down, thickness, 0.0))
+        medium = np.where(crosses, beyond, medium)
+        # In the next layer from its near face.
+        entered = np.clip(medium, 1, last)
+        depth = np.where(crosses, np.where(down, 0.0, paint.optical_thickness[entered - 1]), depth)
+        for side, left in enumerate((medium == 0, medium == last + 1)):
+            flux[side, index[left]] += weight[left]
+        weak = weight < 0.05
+        survives = ~weak | (rng.random(index.size) < 0.2)
+        weight = np.where(weak, weight * 5.0, weight)
+        keep = (medium > 0) & (medium <= last) & survives & (weight > 0)
+        direction, depth, medium, weight, index = (x[keep] for x in (direction, depth, medium, weight, index))
+    return np.stack([flux.mean(axis=1), flux.std(axis=1) / np.sqrt(paths)], axis=1)
+
+
+def _surface(cosine: np.ndarray, here: np.ndarray, there: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Fresnel's reflectance between two media and the cosine beyond; all is reflected where there is none."""
+    squared = 1.0 - (here / there) ** 2 * (1.0 - cosine**2)
+    beyond = np.sqrt(np.maximum(squared, 0.0))
+    s = (here * cosine - there * beyond) / (here * cosine + there * beyond)
+    p = (there * cosine - here * beyond) / (there * cosine + here * beyond)
+    return np.where(squared > 0, 0.5 * (s**2 + p**2), 1.0), beyond

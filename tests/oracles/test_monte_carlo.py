@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from glazejax.radiative.manyflux import manyflux_hemispherical_reflectance, manyflux_reflectance_factor
+from glazejax.radiative.manyflux_free import free_hemispherical
 from glazejax.radiative.phase import henyey_greenstein
 
-from .monte_carlo import Paint, simulate
+from .monte_carlo import Indexed, Paint, simulate, simulate_fluxes
 
 FORWARD = Paint(np.array([0.97, 0.9]), np.array([0.5, 2.0]), np.array([0.7, 0.3]), 0.6, 1.5)
 PAINTS = {
@@ -45,3 +46,30 @@ def test_within_three_standard_errors(name, paths):
     assert abs(flux - found.flux) < 3 * found.flux_error + 1e-4
     if paths >= 1_000_000:
         assert max(*found.factor_error, found.flux_error) < 1e-3
+
+
+@pytest.mark.slow
+def test_layers_of_different_index():
+    """Refraction and reflection between layers, in both senses, and a medium below: fluxes on both sides."""
+    paint = Indexed(
+        np.array([0.95, 0.99, 0.9]),
+        np.array([0.4, 1.5, 0.3]),
+        np.array([0.6, -0.3, 0.0]),
+        np.array([1.4, 1.7, 1.3]),
+        1.2,
+    )
+    cos_incidence = np.cos(np.deg2rad(50.0))
+    found = simulate_fluxes(paint, cos_incidence, 1_500_000)
+    for transmitted, (mean, error) in zip((False, True), found, strict=True):
+        flux = free_hemispherical(
+            paint.albedo,
+            paint.optical_thickness,
+            transmitted=transmitted,
+            phase=henyey_greenstein(paint.g, 40),
+            refractive_index=tuple(paint.refractive_index),
+            index_below=paint.below,
+            cos_incidence=cos_incidence,
+            tolerance=1e-4,
+        )
+        assert abs(flux - mean) < 3 * error + 1e-4
+        assert error < 1e-3

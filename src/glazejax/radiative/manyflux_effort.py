@@ -9,6 +9,7 @@ from glazejax.radiative.directions import Resolution, half_range
 from glazejax.radiative.fresnel import cos_refracted
 from glazejax.radiative.manyflux_directions import Spread, best_directions, fewest_directions, spread_directions
 from glazejax.radiative.manyflux_layer import doublings
+from glazejax.radiative.manyflux_media import Media, Pieces, common_directions, fewest_pieces, in_medium
 
 # Moments whose weighed square is below this share of the tolerance change nothing that is scattered twice or more.
 _MOMENT_SHARE = 0.03
@@ -22,8 +23,8 @@ Solution = Literal["doubling", "modes"]
 class Effort(NamedTuple):
     """How finely a stack is solved; static."""
 
-    directions: Spread | Resolution
-    """A `Resolution` serves where the refractive index is an array."""
+    directions: Spread | Resolution | Pieces
+    """A `Resolution` serves where the refractive index is an array, `Pieces` where media of several are joined."""
     kept: int
     """Legendre moments kept; what lies beyond is the forward peak of delta-M."""
     modes: int
@@ -31,10 +32,15 @@ class Effort(NamedTuple):
     doublings: int | None
     """None: layers are solved by eigenvectors."""
 
+    @property
+    def width(self) -> int:
+        """Number of directions in a hemisphere."""
+        return sum(self.directions.counts if isinstance(self.directions, Pieces) else self.directions[:2])
+
 
 def choose_effort(
     tolerance: float,
-    index: float,
+    media: float | Media,
     moments: Float[np.ndarray, "*batch layers terms"] | None,
     terms: int,
     thickest: float | None,
@@ -48,7 +54,7 @@ def choose_effort(
 
     Args:
         tolerance: absolute error wanted.
-        index: refractive index of the layers.
+        media: refractive index of the layers, or all indices.
         moments: of the phase functions, or None where they are traced: all ``terms`` are kept then.
         terms: how many there are.
         thickest: largest optical thickness, or None where it is traced.
@@ -66,17 +72,29 @@ def choose_effort(
     # What a moment does to light scattered twice or more.
     twice = (2 * np.arange(terms) + 1) * sizes**2
     kept = int(np.flatnonzero(twice > _MOMENT_SHARE * tolerance).max(initial=0)) + 1
-    if streams is None:
-        directions = fewest_directions(tolerance, index, _rounded(sizes[:kept]))
-    elif streams < 2:
+    if streams is not None and streams < 2:
         raise ValueError(f"streams is {streams}; it must be at least 2")
-    else:
-        kept = min(kept, 2 * streams)
-        directions = best_directions(index, streams, _rounded(sizes[:kept]))
-    mu = np.asarray(spread_directions(index, directions).cosines)
-    least = min(float(mu.min()), float(cos_refracted(least_cosine, index)))
+    kept = kept if streams is None else min(kept, 2 * streams)
+    directions, least = _directions(media, _rounded(sizes[:kept]), tolerance, streams, least_cosine)
     count = doublings(THICKEST if thickest is None else thickest, least)
     return Effort(directions, kept, kept if azimuthal else 1, count if solution == "doubling" else None)
+
+
+def _directions(
+    media: float | Media, sizes: tuple[float, ...], tolerance: float, streams: int | None, least_cosine: float
+) -> tuple[Spread | Pieces, float]:
+    """Directions and the smallest cosine that light has in any layer."""
+    if isinstance(media, Media):
+        below = 1.0 if media.below is None else media.below
+        pieces = fewest_pieces(media.layers, tuple(sorted({1.0, below})), sizes, tolerance, streams)
+        nodes = [in_medium(common_directions(pieces), index) for index in media.layers]
+        least = min(float(mu[exists].min()) for mu, _, exists in nodes)
+        added = [np.sqrt((n - below) * (n + below) + (below * least_cosine) ** 2) / n for n in media.layers]
+        return pieces, float(min(least, *added))
+    fewest = streams is None
+    spread = fewest_directions(tolerance, media, sizes) if fewest else best_directions(media, streams, sizes)
+    mu = np.asarray(spread_directions(media, spread).cosines)
+    return spread, min(float(mu.min()), float(cos_refracted(least_cosine, media)))
 
 
 def effort_for_indices(resolution: Resolution, low: float, high: float, thickest: float, least_cosine: float) -> Effort:

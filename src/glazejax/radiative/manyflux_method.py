@@ -47,7 +47,7 @@ def resolve_effort(
 
 def bytes_each(effort: Effort, layers: int, itemsize: int) -> int:
     """Memory that one stack's matrices take."""
-    return 4 * layers * (sum(effort.directions[:2]) + 1) ** 2 * itemsize
+    return 4 * layers * (effort.width + 1) ** 2 * itemsize
 
 
 def reflectance(stack: Stack, effort: Effort) -> Array:

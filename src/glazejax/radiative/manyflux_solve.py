@@ -15,6 +15,7 @@ from glazejax.radiative.manyflux_bordered import Bordered, Diagonal
 from glazejax.radiative.manyflux_directions import Spread, spread_directions
 from glazejax.radiative.manyflux_effort import Effort
 from glazejax.radiative.manyflux_layer import layer_by_doubling
+from glazejax.radiative.manyflux_media import Pieces
 from glazejax.radiative.manyflux_modes import layer_by_modes
 from glazejax.radiative.manyflux_phase import associated_legendre, rates, scattering
 from glazejax.radiative.manyflux_single import Once, missing_once
@@ -46,6 +47,7 @@ class _Scene(NamedTuple):
 def _scene(layers: Layers, index, cos_viewing: Array, cos_incidence: Array, effort: Effort, modes: int) -> _Scene:
     dtype = layers.albedo.dtype
     rule = effort.directions
+    assert not isinstance(rule, Pieces), "media of several indices are joined elsewhere"
     found = spread_directions(index, rule) if isinstance(rule, Spread) else half_range(index, rule)
     mu, weights, reflectance = (jnp.asarray(a, dtype) for a in found)
     viewing, incidence = (cos_refracted(c, index) for c in (cos_viewing, cos_incidence))

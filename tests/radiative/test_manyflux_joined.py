@@ -1,0 +1,195 @@
+"""Layers of different refractive index, free-standing layers, grounds by table, the series: limits and conservation."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from glazejax.radiative.directions import gauss
+from glazejax.radiative.fresnel import dielectric_reflectance
+from glazejax.radiative.manyflux import (
+    brdf_table,
+    manyflux_diffuse_reflectance,
+    manyflux_hemispherical_reflectance,
+    manyflux_reflectance_factor,
+)
+from glazejax.radiative.manyflux_bordered import Bordered
+from glazejax.radiative.manyflux_free import free_diffuse, free_factor, free_hemispherical, free_regular
+from glazejax.radiative.manyflux_ground import ground_table
+from glazejax.radiative.manyflux_media import Pieces, common_directions, in_medium
+from glazejax.radiative.manyflux_stack import Slab, join, join_in_series
+from glazejax.radiative.phase import henyey_greenstein
+
+PHASE = henyey_greenstein(jnp.array([0.6, -0.3]), 12)
+COS = np.array([0.05, 0.6, 1.0])
+THICKNESS = np.array([[0.3, 2.0], [0.0, 1e-9], [1e3, 0.0]])[:, None]
+
+
+def test_directions_of_all_media():
+    """Fluxes are exact in each medium; a cosine does not depend on the way to it."""
+    pieces = Pieces((1.0, 1.3, 1.6), (5, 6, 7), 2.0, (1.6, 1.3))
+    common = common_directions(pieces)
+    for index in (1.0, 1.3, 1.6):
+        mu, weights, exists = in_medium(common, index)
+        assert np.sum(weights * mu) == pytest.approx(0.5, abs=1e-14)
+        assert np.all(weights[~exists] == 0)
+        kept = index**2 * (1 - mu[exists] ** 2)
+        np.testing.assert_allclose(kept, (common.end**2 - common.beyond)[exists], atol=1e-13)
+
+
+@pytest.mark.parametrize("index", [(1.5, 1.3), pytest.param((1.3, 1.6), marks=pytest.mark.slow)])
+def test_nothing_is_lost_between_media(index):
+    """Without absorption all light comes back from a white ground, whatever the indices."""
+    given: dict[str, Any] = {"phase": PHASE, "refractive_index": index, "cos_incidence": COS, "streams": 9}
+    outer = dielectric_reflectance(COS, index[0])
+    flux = manyflux_hemispherical_reflectance([1.0, 1.0], THICKNESS, 1.0, **given)
+    np.testing.assert_allclose(flux + outer, np.ones((3, 3)), atol=1e-10)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("index", [(1.5, 1.3), (1.3, 1.6), (1.5, 1.5)])
+def test_what_does_not_come_back_goes_through(index):
+    given: dict[str, Any] = {"phase": PHASE, "refractive_index": index, "cos_incidence": COS, "streams": 9}
+    outer = dielectric_reflectance(COS, index[0])
+    both = [free_hemispherical([1.0, 1.0], THICKNESS, transmitted=t, **given) for t in (False, True)]
+    np.testing.assert_allclose(both[0] + both[1] + outer, np.ones((3, 3)), atol=1e-10)
+
+
+@pytest.mark.slow
+def test_reciprocity_between_media():
+    given: dict[str, Any] = {"phase": PHASE, "refractive_index": (1.5, 1.3), "azimuth": 50.0, "streams": 9}
+    one = free_factor([0.9, 0.8], [0.3, 2.0], transmitted=False, cos_incidence=0.8, cos_viewing=0.3, **given)
+    other = free_factor([0.9, 0.8], [0.3, 2.0], transmitted=False, cos_incidence=0.3, cos_viewing=0.8, **given)
+    assert one == pytest.approx(other, abs=1e-12)
+    through = free_factor([0.9, 0.8], [0.3, 2.0], transmitted=True, cos_incidence=0.8, cos_viewing=0.3, **given)
+    given |= {"phase": PHASE[::-1], "refractive_index": (1.3, 1.5)}
+    back = free_factor([0.8, 0.9], [2.0, 0.3], transmitted=True, cos_incidence=0.3, cos_viewing=0.8, **given)
+    assert through == pytest.approx(back, abs=1e-12)
+
+
+def test_clear_slab_is_the_closed_form():
+    """Fresnel's reflections back and forth: (1 - r)^2 e/(1 - r^2 e^2)."""
+    r, e = dielectric_reflectance(COS, 1.5), np.exp(-0.4 / np.sqrt(1 - (1 - COS**2) / 2.25))
+    found = free_regular([0.0], [0.4], cos_incidence=COS)
+    np.testing.assert_allclose(found, (1 - r) ** 2 * e / (1 - (r * e) ** 2), atol=1e-11)
+
+
+@pytest.mark.slow
+def test_factor_sums_to_the_flux():
+    """Over all directions of viewing the factor makes the hemispherical flux; incidences make the diffuse one."""
+    cos, weights = gauss(40)
+    given: dict[str, Any] = {"phase": PHASE, "refractive_index": 1.4, "streams": 16}
+    stack = [0.9, 0.8], [0.3, 2.0]
+    for transmitted in (False, True):
+        each = free_factor(
+            *stack,
+            transmitted=transmitted,
+            cos_incidence=0.7,
+            cos_viewing=cos,
+            azimuth=np.arange(0, 360, 12.0)[:, None],
+            **given,
+        )
+        flux = free_hemispherical(*stack, transmitted=transmitted, cos_incidence=0.7, **given)
+        straight = free_regular(*stack, refractive_index=1.4, cos_incidence=0.7) if transmitted else 0.0
+        mirrored = (
+            0.0
+            if transmitted
+            else free_hemispherical(
+                [0.0, 0.0], [0.3, 2.0], transmitted=False, cos_incidence=0.7, refractive_index=1.4, streams=4
+            )
+        )
+        assert np.mean(each, axis=0) @ (2 * cos * weights) + straight + mirrored == pytest.approx(float(flux), abs=1e-5)
+        fluxes = free_hemispherical(*stack, transmitted=transmitted, cos_incidence=cos, **given)
+        whole = free_diffuse(*stack, transmitted=transmitted, **given)
+        assert fluxes @ (2 * cos * weights) == pytest.approx(float(whole), abs=1e-4)
+
+
+@pytest.mark.slow
+def test_white_table_is_a_lambertian_ground():
+    """The joined program with a table of ones against the one for a single index."""
+    table = ground_table([1.0, 0.5, 0.0], np.ones((3, 3)))
+    stack = [0.95, 0.6], [0.7, 2.0], 0.4
+    given: dict[str, Any] = {
+        "phase": PHASE,
+        "cos_incidence": [0.8],
+        "cos_viewing": [0.6, 0.1],
+        "azimuth": [50.0],
+        "tolerance": 1e-5,
+    }
+    np.testing.assert_allclose(brdf_table(*stack, ground=table, **given), brdf_table(*stack, **given), atol=2e-6)
+
+
+def test_ground_seen_through_nothing():
+    """No layer, no surface: what is seen is the table itself, between its points and azimuths."""
+    cosines, azimuth = np.array([1.0, 0.6, 0.2]), np.deg2rad(np.linspace(0, 180, 9))
+    level = np.array([[0.5, 0.4, 0.3], [0.4, 0.3, 0.2], [0.3, 0.2, 0.1]])
+    factor = level[..., None] * (1 + 0.5 * np.cos(azimuth) + 0.2 * np.cos(3 * azimuth))
+    found = brdf_table(
+        [0.5], [0.0], 0.9, ground=ground_table(cosines, factor), phase=PHASE[0], refractive_index=1.0,
+        cos_incidence=[0.6, 0.8], cos_viewing=[0.6, 0.1], azimuth=[0.0, 100.0], streams=8,
+    )  # fmt: skip
+    wave = 1 + 0.5 * np.cos(np.deg2rad([0, 100])) + 0.2 * np.cos(np.deg2rad([0, 300]))
+    expected = 0.9 * np.array([[0.3, 0.35], [0.2, 0.25]])[..., None] * wave
+    np.testing.assert_allclose(np.pi * found, expected, atol=1e-10)
+
+
+def test_series_and_its_bound():
+    """Order by order nearer to the inverse, always within what it says is left out."""
+    rng = np.random.default_rng(0)
+    roots = jnp.sqrt(jnp.asarray(gauss(6)[0] * gauss(6)[1]))
+
+    def slab(reflected: float) -> Slab:
+        # Symmetric, positive, and no direction gives back more than it gets.
+        core = rng.uniform(size=(2, 6, 6)) * roots[:, None] * roots
+        core = core + np.swapaxes(core, -1, -2)
+        core *= reflected / np.max(np.einsum("i,mij->mj", roots, core) / roots)
+        made = Bordered(jnp.asarray(core), jnp.zeros((2, 0)), jnp.zeros((2, 0)))
+        through = made.scaled(0.3 / reflected)
+        return Slab(made, made, through, through)
+
+    upper, lower = slab(0.6), slab(0.5)
+    exact = join(upper, lower)
+    before = np.inf
+    for order in range(5):
+        found, bound = join_in_series(upper, lower, order, roots)
+        error = np.max(roots @ np.abs(found.down.core - exact.down.core)[0] / roots / bound)
+        assert error <= 1
+        assert np.max(bound) < 0.5 * before
+        before = np.max(bound)
+    with pytest.raises(ValueError, match="order is -1"):
+        join_in_series(upper, lower, -1, roots)
+
+
+@pytest.mark.slow
+def test_slopes_between_media():
+    def value(x):
+        return manyflux_reflectance_factor(
+            x[:2], x[2:4], x[4], phase=PHASE, refractive_index=(1.5, 1.3), cos_incidence=0.8, cos_viewing=0.6, streams=8
+        )
+
+    x = jnp.array([0.9, 0.6, 0.4, 1.2, 0.5])
+    slope = jax.jit(jax.grad(value))
+    many = jax.jit(jax.vmap(value))(jnp.concatenate([x + 1e-4 * np.eye(5), x - 1e-4 * np.eye(5)]))
+    np.testing.assert_allclose(slope(x), (many[:5] - many[5:]) / 2e-4, atol=1e-7)
+    assert np.all(np.isfinite(slope(jnp.array([1.0, 0.0, 0.0, 5.0, 1.0]))))
+
+
+def test_errors_name_the_value():
+    with pytest.raises(ValueError, match="refractive_index has 3 values"):
+        manyflux_diffuse_reflectance([0.5], [1.0], 0.3, refractive_index=(1.5, 1.4, 1.3))
+    with pytest.raises(ValueError, match=r"refractive_index holds 0\.9"):
+        manyflux_diffuse_reflectance([0.5, 0.5], [1.0, 1.0], 0.3, refractive_index=(1.5, 0.9))
+    with pytest.raises(ValueError, match=r"index_below is 1\.6"):
+        free_diffuse([0.5], [1.0], transmitted=True, index_below=1.6)
+    with pytest.raises(ValueError, match="need at least 6"):
+        manyflux_diffuse_reflectance([0.5, 0.5], [1.0, 1.0], 0.3, refractive_index=(1.5, 1.4), streams=4)
+    with pytest.raises(ValueError, match="solution 'exact' is unknown"):
+        manyflux_diffuse_reflectance([0.5], [1.0], 0.3, solution="exact")  # pyright: ignore[reportArgumentType]
+    with pytest.raises(ValueError, match="is not reciprocal"):
+        ground_table([1.0, 0.0], [[0.5, 0.2], [0.4, 0.5]])
+    with pytest.raises(ValueError, match=r"the ground reflects 1\.5"):
+        ground_table([1.0, 0.0], np.full((2, 2), 1.5))
+    with pytest.raises(ValueError, match="cosines must descend"):
+        ground_table([0.0, 1.0], np.ones((2, 2)))
