@@ -3,8 +3,9 @@
 Mitsuba's plugin ``measured`` reads a table of f cos(theta_o) over the direction of the eye and the half-way vector, in
 the layout of the measured materials of EPFL's RGL, inside a container called a tensor file. A glaze needs no warped
 sampling, so the maps that would warp are constant, and coordinates of the table are those of the half-way vector
-itself. The mirror reflection of the surface cannot stand in a table: Mitsuba's own smooth ``plastic`` without a body
-adds it.
+itself. The mirror reflection of the surface cannot stand in a table: Mitsuba's own ``roughplastic`` without a body adds
+it, a little rough, because its ``blendbsdf`` weighs a perfect mirror wrongly (seen in 3.9.1: the pdf of the body at the
+mirror direction goes into the mirror's weight).
 
 Sources: J. Dupuy, W. Jakob, ACM Trans. Graph. 37 (2018) 274, the parametrisation; Mitsuba 3, `src/bsdfs/measured.cpp`
 and `src/core/tensor.cpp`, the layout.
@@ -35,6 +36,7 @@ def export_glaze(
     wavelengths_nm: Grid,
     *,
     gloss: bool = True,
+    roughness: float = 0.02,
     angles: int = 48,
     resolution: int = 48,
     tolerance: float = 1e-4,
@@ -46,7 +48,8 @@ def export_glaze(
         glaze: without batch axes, or its table for all angles, of even thickness.
         path: file to write.
         wavelengths_nm: (bands,), of the table; Mitsuba interpolates between them.
-        gloss: with the mirror reflection of a smooth surface.
+        gloss: with the reflection of the surface itself.
+        roughness: of that surface, root mean square slope of Beckmann's facets; above 0.
         angles: directions of the eye, from 0 to 90 degrees.
         resolution: half-way vectors along both of their angles.
         tolerance: absolute error wanted of the reflectance factor at the table's entries.
@@ -57,9 +60,11 @@ def export_glaze(
 
     Raises:
         FileExistsError: the file exists.
-        ValueError: what `glaze_table` refuses, or a table whose thickness varies.
+        ValueError: what `glaze_table` refuses, a table whose thickness varies, or a roughness of 0.
     """
     path = Path(path)
+    if not 0 < roughness <= 1:
+        raise ValueError(f"roughness must be above 0 and at most 1, such as 0.02, not {roughness!r}")
     if path.exists() and not overwrite:
         raise FileExistsError(f"{path} exists; choose another name, or replace it with overwrite=True")
     grid = validate_wavelengths(wavelengths_nm)
@@ -75,7 +80,9 @@ def export_glaze(
     if not gloss:
         return body
     mirror = {
-        "type": "plastic",
+        "type": "roughplastic",
+        "distribution": "beckmann",
+        "alpha": float(roughness),
         "int_ior": float(np.mean(np.asarray(table.refractive_index))),
         "ext_ior": 1.0,
         "diffuse_reflectance": {"type": "uniform", "value": 0.0},

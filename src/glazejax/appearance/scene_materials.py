@@ -17,7 +17,6 @@ from ..spectra import Grid, Numbers, as_float_array, concrete, describe_grid, sa
 from . import shading
 from .glaze_material import GlazeTable, glaze_table
 
-
 # Degrees that a table reaches beyond the angles seen.
 _MARGIN = 0.05
 

@@ -102,7 +102,7 @@ def _legal(pair: tuple[float, float]) -> tuple[float, float]:
 
 
 def needed_bands(scene: Scene) -> Bool[np.ndarray, "bands"]:
-    """Bands that a picture on a screen can show: what the others make of white, all together, is below a step of 8 bits."""
+    """Bands that a screen can show: what the others make of white, all together, is below a step of 8 bits."""
     weights = np.abs(colour_weights(scene.wavelengths, "E"))
     spectra = np.concatenate([scene.light_spectra(), scene.background_spectrum()[None]])
     keep = np.zeros(weights.shape[0], bool)

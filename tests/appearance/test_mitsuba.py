@@ -1,0 +1,117 @@
+"""Glazes and scenes in Mitsuba 3, where it is installed: the same reflectance, and the same pictures."""
+
+import struct
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from benchmarks.mitsuba_compare import VARIANT, WAVELENGTHS, cases, differences, on_objects, ours, theirs
+
+import glazejax as gj
+from glazejax.appearance.glaze_material import glaze_table
+from glazejax.appearance.mitsuba_export import export_glaze, measured_fields, reflectance_in_mitsuba, write_tensor_file
+from glazejax.appearance.mitsuba_scene import mitsuba_scene
+from glazejax.appearance.scene import Phong
+from glazejax.radiative.fresnel import dielectric_reflectance
+
+
+@pytest.fixture(scope="module")
+def table():
+    paints = gj.catalogue.load()
+    layers = [gj.Layer(paints["UltramarineBlue"], 2e-6), gj.Layer(paints["ZincWhite"], 10e-6)]
+    return glaze_table(gj.Glaze(layers, 0.8), WAVELENGTHS, tolerance=1e-4)
+
+
+@pytest.fixture
+def mitsuba():
+    mi = pytest.importorskip("mitsuba")
+    mi.set_variant(VARIANT)
+    return mi
+
+
+def test_tensor_files_hold_what_was_written(tmp_path):
+    fields = {"a": np.arange(6, dtype=np.float32).reshape(2, 3), "name": np.frombuffer(b"xyz", np.uint8)}
+    write_tensor_file(tmp_path / "t", fields)
+    content = (tmp_path / "t").read_bytes()
+    assert content[:18] == b"tensor_file\0" + bytes([1, 0]) + struct.pack("<I", 2)
+    assert content[18:21] == b"\x01\x00a"
+    ndim, kind, place = struct.unpack("<HBQ", content[21:32])
+    assert (ndim, kind) == (2, 10)
+    assert struct.unpack("<2Q", content[32:48]) == (2, 3)
+    np.testing.assert_array_equal(np.frombuffer(content[place : place + 24], np.float32).reshape(2, 3), fields["a"])
+    assert content[place + 24 :] == b"xyz"
+    with pytest.raises(ValueError, match="b holds float64"):
+        write_tensor_file(tmp_path / "t", {"b": np.zeros(2)})
+
+
+def test_the_table_holds_the_reflectance_factor(table):
+    fields = measured_fields(table, WAVELENGTHS, angles=8, resolution=9)
+    # Half vector along the normal: light and eye at the same angle.
+    for k in (0, 3, 5):
+        cosine = np.cos(fields["theta_i"][k])
+        exact = np.asarray(table.reflectance_factor(cosine, cosine)) * cosine / np.pi
+        np.testing.assert_allclose(fields["spectra"][0, k, :, 4, 0], exact, rtol=1e-5)
+    assert (fields["luminance"] > 0).all()
+
+
+def test_files_are_not_overwritten(table, tmp_path):
+    (tmp_path / "g.bsdf").write_text("mine")
+    with pytest.raises(FileExistsError, match="overwrite=True"):
+        export_glaze(table, tmp_path / "g.bsdf", WAVELENGTHS)
+    with pytest.raises(ValueError, match="31 bands, but 3 wavelengths"):
+        export_glaze(table, tmp_path / "h.bsdf", [400.0, 500.0, 600.0])
+
+
+def test_mitsuba_finds_the_same_reflectance(table, tmp_path, mitsuba):
+    bsdf = export_glaze(table, tmp_path / "g.bsdf", WAVELENGTHS, gloss=False)
+    for light, view, azimuth in [
+        (1.0, 0.7, 0.0),
+        (0.7, 0.7, np.pi),
+        (0.7, 0.7, 0.0),
+        (0.3, 0.9, 1.0),
+        (0.5, 0.15, 3.0),
+    ]:
+        there = reflectance_in_mitsuba(bsdf, WAVELENGTHS[::6], light, view, azimuth)
+        here = np.asarray(table.reflectance_factor(light, view))[::6]
+        np.testing.assert_allclose(there, here, atol=0.004)
+
+
+def test_gloss_adds_the_reflection_of_the_surface(table, tmp_path, mitsuba):
+    cosine, count = 0.4, 4000
+    rng = np.random.default_rng(0)
+    where = mitsuba.SurfaceInteraction3f()
+    where.wi = mitsuba.Vector3f(float(np.sqrt(1 - cosine**2)), 0.0, cosine)
+    where.wavelengths = mitsuba.UnpolarizedSpectrum(500.0)
+    means, errors = [], []
+    for gloss in (True, False):
+        loaded = mitsuba.load_dict(export_glaze(table, tmp_path / f"{gloss}.bsdf", WAVELENGTHS, gloss=gloss))
+        draws = rng.random((count, 3)).tolist()
+        weights = [loaded.sample(mitsuba.BSDFContext(), where, one, two)[1][0] for one, *two in draws]
+        means.append(np.mean(weights))
+        errors.append(np.std(weights) / np.sqrt(count))
+    exact = float(dielectric_reflectance(cosine, 1.5))
+    assert abs(means[0] - means[1] - exact) < 4 * np.hypot(*errors)
+    assert np.hypot(*errors) < 0.1 * exact
+
+
+@pytest.mark.parametrize("name", ["diffuse", "copper", "glaze"])
+def test_pictures_are_those_of_mitsuba(name, mitsuba):
+    case = cases(48, 36)[name]
+    mine, other = ours(case, antialias=12), theirs(case, samples=576)
+    mean, bias = differences(mine, other)
+    assert mean < case.limit
+    assert abs(bias) < case.limit / 2
+    assert differences(mine, other, on_objects(case))[0] < case.limit
+
+
+def test_what_mitsuba_has_no_counterpart_of(mitsuba, tmp_path):
+    scene = cases(8, 6)["diffuse"].scene
+    with pytest.raises(ValueError, match="'ball': Mitsuba has no counterpart of Phong"):
+        mitsuba_scene(replace(scene, materials=dict(scene.materials) | {"ball": Phong(0.5)}), tmp_path)
+
+
+def test_export_needs_no_mitsuba():
+    code = "import sys; import glazejax.appearance.mitsuba_export; assert 'mitsuba' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=120)

@@ -1,0 +1,240 @@
+"""Scene files and the command: the example, every kind of value, and errors that name key and value."""
+
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from glazejax import cli, cli_scene
+from glazejax.appearance import scene_file
+from glazejax.appearance.scene import Box, Mesh, Plane, PointLight, Sphere
+from glazejax.appearance.scene_render import render
+
+SMALL = """
+[picture]
+width = 12
+height = 8
+wavelengths = "400:700:20"
+background = 0.2
+[camera]
+position = [0, -4, 2]
+[lights.sun]
+illuminant = "D65"
+direction = [0, 1, -1]
+[materials.grey]
+kind = "lambert"
+reflectance = 0.5
+[materials.paint]
+kind = "glaze"
+layers = "UltramarineBlue:5um"
+[objects.floor]
+shape = "plane"
+centre = [0, 0, 0]
+normal = [0, 0, 1]
+material = "grey"
+[objects.ball]
+shape = "sphere"
+centre = [0, 0, 1]
+radius = 1
+material = "paint"
+"""
+
+
+@pytest.fixture
+def write(tmp_path):
+    def writer(text):
+        path = tmp_path / "my.toml"
+        path.write_text(text)
+        return path
+
+    return writer
+
+
+def test_the_example_shows_every_kind_of_thing(write):
+    found = scene_file.read_scene(write(scene_file.example()))
+    scene = found.scene
+    assert {type(shape) for shape in scene.shapes} == {Plane, Sphere, Box}
+    kinds = {table["kind"] for table in tomllib.loads(scene_file.example())["materials"].values()}
+    assert kinds == {"lambert", "phong", "metal", "glaze"}
+    assert any(isinstance(light, PointLight) for light in scene.lights)
+    assert scene.materials["canvas"].thickness_map.shape[1] > 100
+    assert "6 objects" in scene_file.describe(found)
+
+
+def test_a_small_scene_is_what_its_file_says(write):
+    found = scene_file.read_scene(write(SMALL))
+    scene = found.scene
+    assert (scene.width, scene.height, scene.antialias, scene.bounces) == (12, 8, 4, 3)
+    np.testing.assert_allclose(scene.wavelengths, np.arange(400, 701, 20))
+    assert found.display == "sRGB"
+    np.testing.assert_allclose(found.white, scene.lights[0].spectrum)
+    picture = render(scene).radiance
+    assert np.isfinite(picture).all()
+    # The floor in front of the ball, under light at 45 degrees.
+    np.testing.assert_allclose(picture[-1, 0], 0.5 * np.sqrt(0.5) * scene.lights[0].spectrum, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("width = 12", "width = -3", r"my.toml: width must be a whole number from 1 to 20000, not -3"),
+        ("width = 12", "width = 1.5", r"\[picture\] width: must be a whole number, not 1.5"),
+        ("width = 12", "widht = 12", r"\[picture\]: unknown key 'widht'; did you mean 'width'\?"),
+        ("[camera]", "[kamera]", r"my.toml: camera is missing"),
+        ("position = [0, -4, 2]", "position = [0, -4]", r"\[camera\] position: must be 3 numbers"),
+        ("position = [0, -4, 2]", "position = [0, 0, 0]", r"\[camera\]: the camera's target .* is its position"),
+        ('illuminant = "D65"', 'illuminant = "D66"', r"\[lights.sun\] illuminant: unknown illuminant 'D66'"),
+        ('illuminant = "D65"', "", r"\[lights.sun\] illuminant: give either illuminant"),
+        ('illuminant = "D65"', 'spectrum = "lamp.csv"', r"\[lights.sun\] spectrum: there is no file .*lamp.csv"),
+        ("direction = [0, 1, -1]", "", r"\[lights.sun\] position: give either position"),
+        ("direction = [0, 1, -1]", "direction = [0, 0, 0]", r"\[lights.sun\]: direction is \(0, 0, 0\)"),
+        ("reflectance = 0.5", "reflectance = 50", r"reflectance: must lie between 0 and 1, not 50; 50 percent is 0.5"),
+        ("reflectance = 0.5", 'reflectance = "red.csv"', r"\[materials.grey\] reflectance: 'red.csv' is neither"),
+        ("reflectance = 0.5", "reflectance = true", r"\[materials.grey\] reflectance: must be a number from 0 to 1"),
+        ('kind = "lambert"', 'kind = "lambret"', r"\[materials.grey\] kind: 'lambret' .* did you mean 'lambert'"),
+        ('"UltramarineBlue:5um"', '"UltramarineBlue"', r"\[materials.paint\] layers: .* has no thickness"),
+        ('"UltramarineBlue:5um"', '"Ultramarin:5um"', r"\[materials.paint\] layers: .*UltramarineBlue"),
+        (
+            'layers = "U',
+            'refractive_index = 3\nlayers = "U',
+            r"\[materials.paint\]: refractive_index must be in \[1, 2.5\]",
+        ),
+        ('layers = "U', 'thickness_range = ["0um","1um"]\nlayers = "U', r"thickness_range: has no meaning without"),
+        ('layers = "U', 'thickness_map = "wedge"\nlayers = "U', r"thickness_range: must be the thickness of black"),
+        (
+            'layers = "U',
+            'thickness_map = "m.png"\nthickness_range = ["0um","1um"]\nlayers = "U',
+            r"thickness_map: there is",
+        ),
+        (
+            'layers = "U',
+            'thickness_map = "wedge"\nthickness_layer = 2\nlayers = "U',
+            r"thickness_layer: is 2, but there are 1",
+        ),
+        ("radius = 1", "radius = 0", r"\[objects.ball\] radius: must be above 0, not 0"),
+        ("radius = 1", "", r"\[objects.ball\]: radius is missing"),
+        (
+            'material = "grey"',
+            'material = "gray"',
+            r"\[objects.floor\] material: 'gray' must be .* did you mean 'grey'",
+        ),
+        ('shape = "sphere"', 'shape = "mesh"\nfile = "v.obj"', r"\[objects.ball\].*(v.obj|unknown key)"),
+        ('"400:700:20"', '"400-700"', r"\[picture\] wavelengths: '400-700' is not FROM:TO:STEP"),
+        ('"400:700:20"', '"400:700:70"', r"\[picture\] wavelengths: .*(meet|coarse)"),
+        ('"400:700:20"', '"380:700:20"', r"380"),
+        ("width = 12", 'width = 12\ndisplay = "CRT9"', r"\[picture\] display: unknown display 'CRT9'"),
+        ("width = 12", 'width = 12\nwhite = "moon"', r"\[picture\] white: 'moon' is none of the lights \(sun\)"),
+        ("width = 12", "width = 12 12", r"my.toml: not a legal TOML file"),
+    ],
+)
+def test_errors_name_place_and_value(write, old, new, words):
+    assert old in SMALL
+    with pytest.raises((ValueError, FileNotFoundError), match=words):
+        scene_file.read_scene(write(SMALL.replace(old, new, 1)))
+
+
+def test_measured_reflectances_and_maps(write, tmp_path):
+    table = "wavelength_nm,red,blue\n" + "\n".join(f"{w},{(w - 300) / 500:.4f},0.1" for w in range(380, 781, 10))
+    (tmp_path / "paints.csv").write_text(table)
+    np.save(tmp_path / "map.npy", np.linspace(0, 1, 12).reshape(3, 4))
+    text = SMALL.replace("reflectance = 0.5", 'reflectance = "paints.csv:red"')
+    text = text.replace(
+        'layers = "U', 'thickness_map = "map.npy"\nthickness_range = ["2um", "6um"]\nsubstrate = 0.7\nlayers = "U'
+    )
+    scene = scene_file.read_scene(write(text)).scene
+    np.testing.assert_allclose(scene.materials["grey"].reflectance, (np.asarray(scene.wavelengths) - 300) / 500)
+    np.testing.assert_allclose(
+        scene.materials["paint"].thickness_map, 2e-6 + 4e-6 * np.linspace(0, 1, 12).reshape(3, 4)
+    )
+    with pytest.raises(ValueError, match=r"holds 2 spectra: choose one, as paints.csv:red"):
+        scene_file.read_scene(write(SMALL.replace("reflectance = 0.5", 'reflectance = "paints.csv"')))
+
+
+def test_meshes_are_read_and_placed(write, tmp_path):
+    trimesh = pytest.importorskip("trimesh")
+    trimesh.creation.box((1, 2, 4)).export(tmp_path / "v.obj")
+    text = SMALL.replace(
+        'shape = "sphere"\ncentre = [0, 0, 1]\nradius = 1',
+        'shape = "mesh"\nfile = "v.obj"\nsize = 2\ncentre = [0, 0, 1]\nrotation = [0, 90, 0]\nsmooth = false',
+    )
+    mesh = scene_file.read_scene(write(text)).scene.shapes[1]
+    assert isinstance(mesh, Mesh)
+    np.testing.assert_allclose(mesh.vertices.max(axis=0), [1, 0.5, 1.25], atol=1e-12)
+    np.testing.assert_allclose(mesh.vertices.min(axis=0), [-1, -0.5, 0.75], atol=1e-12)
+    assert mesh.normals is None
+    (tmp_path / "v.obj").write_text("not a mesh")
+    with pytest.raises(ValueError, match=r"\[objects.ball\].*v.obj: .*triangles|\[objects.ball\].*cannot read"):
+        scene_file.read_scene(write(text))
+
+
+def run(*arguments):
+    """The command as the shell runs it, errors as exceptions."""
+    import typer
+
+    app = typer.Typer()
+    app.callback()(lambda: None)
+    cli_scene.register(app)
+    return CliRunner().invoke(app, ["scene", *map(str, arguments)], catch_exceptions=True)
+
+
+@pytest.fixture
+def quiet_start(monkeypatch):
+    monkeypatch.setattr(cli, "start_jax", lambda: None)
+
+
+def test_the_command_writes_a_picture_and_its_spectra(write, tmp_path, quiet_start):
+    out, spectra = tmp_path / "a.png", tmp_path / "a.npz"
+    done = run(write(SMALL), "-o", out, "--spectral", spectra)
+    assert done.exit_code == 0, done.output
+    assert "left out" in done.output
+    assert out.is_file()
+    with np.load(spectra) as stored:
+        assert stored["radiance"].shape == (8, 12, 16)
+    again = run(write(SMALL), "-o", out)
+    assert isinstance(again.exception, FileExistsError)
+    assert "--overwrite" in str(again.exception)
+    small = run(write(SMALL), "-o", out, "--overwrite", "--size", "6x4")
+    assert small.exit_code == 0
+    assert "6 x 4 pixels" in small.output
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ([], "name a scene file"),
+        (["none.toml"], "no scene file none.toml"),
+        (["none.toml", "-o", "a.jpg"], "written as .png"),
+        (["none.toml", "--spectral", "a.txt"], "written as .npz or .exr"),
+        (["none.toml", "-o", "none/a.png"], "does not exist"),
+    ],
+)
+def test_what_the_command_refuses(arguments, words, quiet_start, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = run(*arguments)
+    assert words in str(done.exception)
+
+
+def test_an_interrupted_command_writes_what_is_done(write, tmp_path, quiet_start, monkeypatch):
+    from glazejax.appearance import scene_render
+
+    shade = scene_render._Work._shade
+
+    def interrupted(self, tiles, image, start, end):
+        shade(self, tiles[:1], image, start, end)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(scene_render, "TILE", 2**4)
+    monkeypatch.setattr(scene_render._Work, "_shade", interrupted)
+    out = tmp_path / "part.png"
+    done = run(write(SMALL), "-o", out)
+    assert done.exit_code == 130
+    assert out.is_file()
+    assert "is finished, the rest is grey" in done.output
+
+
+def test_the_example_is_printed():
+    done = run("--example")
+    assert done.output == scene_file.example()
+    assert Path(scene_file.__file__).with_name("scene_example.toml").read_text() == done.output
