@@ -8,6 +8,7 @@ import pytest
 import glazejax as gj
 from glazejax.appearance.glaze_material import GlazeTable, glaze_table
 from glazejax.radiative.fresnel import dielectric_reflectance
+from glazejax.spectra import Numbers
 
 WAVELENGTHS = np.array([420.0, 480.0, 540.0, 600.0, 660.0])
 RNG = np.random.default_rng(11)
@@ -19,12 +20,12 @@ def paints():
     return catalogue["CobaltBlue"], catalogue["ZincWhite"]
 
 
-def glaze(top=15e-6, index=1.5, wavelengths=None):
+def glaze(top: Numbers = 15e-6, index=1.5, wavelengths=None):
     blue, white = (p if wavelengths is None else p.resample(wavelengths) for p in paints())
     return gj.Glaze([gj.Layer(blue, top), gj.Layer(white, 20e-6)], 0.6, index)
 
 
-def solved(top=15e-6, index=1.5):
+def solved(top: Numbers = 15e-6, index=1.5):
     """By the solver, a hundred times finer than the table."""
     made = glaze(top, index, WAVELENGTHS)
     return gj.stack_reflectance_factor(
@@ -125,6 +126,7 @@ def test_through_jit_vmap_and_slopes(deep):
 def test_slopes_by_the_paint(table):
     """A table refilled for a glaze that JAX traces: like a difference of two whole solutions."""
 
+    @jax.jit
     def seen(um):
         made = glaze(um * 1e-6, wavelengths=WAVELENGTHS)
         return jnp.sum(table.refilled(made, WAVELENGTHS).reflectance_factor(0.7, 0.9))

@@ -18,7 +18,8 @@ def sphere(count=200, light=(0.0, 0.0, 1.0)):
     inside = x**2 + y**2 < 0.999
     normal = np.stack([x, y, np.sqrt(np.where(inside, 1 - x**2 - y**2, 0))], axis=-1)[inside]
     light = np.array(light) / np.linalg.norm(light)
-    return normal, np.broadcast_to(light, normal.shape), np.broadcast_to([0.0, 0.0, 1.0], normal.shape)
+    views = (light, [0.0, 0.0, 1.0])
+    return jnp.asarray(normal), *(jnp.asarray(np.broadcast_to(v, normal.shape)) for v in views)
 
 
 def chromaticity(spectra):
@@ -32,7 +33,7 @@ def test_phong_chromaticities_lie_between_body_and_light(direction):
     normal, light, view = sphere(light=direction)
     body = 0.05 + 0.6 / (1 + np.exp((590 - GRID) / 12))
     lamp = (GRID / 560) ** 4
-    mirrored = shading.mirror_direction(jnp.asarray(normal), jnp.asarray(view))
+    mirrored = shading.mirror_direction(normal, view)
     seen = shading.phong(
         body, lamp, shading.dot(normal, light), shading.dot(mirrored, light), specular=5.0, exponent=11.0
     )
@@ -102,6 +103,7 @@ def test_squared_angle_is_seamless():
 def test_slopes(angles):
     """Forward and reverse, by spectra, cosines and width, against differences; finite where cosines are 1."""
 
+    @jax.jit
     def picture(x):
         metal = shading.torrance_sparrow(x[:2], x[2:4], x[4], x[5], x[6], x[7], width=x[8], body=x[9:11])
         plastic = shading.phong(x[9:11], x[2:4], x[4], x[7], specular=x[11], exponent=x[12])
@@ -117,6 +119,7 @@ def test_slopes(angles):
 
 
 def test_dark_side_has_finite_slopes():
+    @jax.jit
     def dark(x):
         fresnel = jnp.array([0.5])
         shine = shading.torrance_sparrow(fresnel, 1.0, x[0], x[1], 0.5, x[2], width=0.2)

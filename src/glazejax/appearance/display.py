@@ -4,17 +4,19 @@ A display is its primaries (chromaticities and the luminance of each at its high
 channel: the light that each digital level gives. Colour is linear in the light, so a matrix leads from XYZ to the
 light of each primary, and the tone curve, read backwards, to the level.
 
+NumPy in, NumPy out; JAX in, JAX out, where everything but the rounding to levels can be differentiated.
+
 Source: paper B (Tominaga 1993), section 2; presets by colour-science.
 """
 
 from typing import Literal, NamedTuple, Self, get_args
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ..colour import colour_science
-from ..spectra import Numbers, as_float_array, concrete
+from ..radiative.fresnel import array_module
+from ..spectra import Numbers, as_array, as_float_array, concrete
 from .gamut import bring_inside
 from .tone import ToneCurve
 
@@ -33,9 +35,9 @@ _TUBE_GAMMA = 2.2
 class Digital(NamedTuple):
     """Digital colours and whether the display could not show what was asked."""
 
-    rgb: Int[Array, "*batch 3"]
+    rgb: Int[Array | np.ndarray, "*batch 3"]
     """Levels, 0 to the highest."""
-    outside: Bool[Array, "*batch"]
+    outside: Bool[Array | np.ndarray, "*batch"]
     """Where the colour lies outside the gamut, or is too bright, so that `rgb` is another colour."""
 
 
@@ -108,8 +110,9 @@ class Display:
 
     @classmethod
     def paper_monitor(cls) -> Self:
-        """The colour monitor of paper B, section 2C, in cd/m2.
+        """The colour monitor of paper B, section 2C, as printed, in cd/m2.
 
+        Its printed T follows, to the last digit, from y = 0.597 for green instead of the printed 0.607.
         Its tone curves are a figure that is not in the text; a gamma of 2.2 stands for them.
         """
         xy = [[0.614, 0.350], [0.306, 0.607], [0.149, 0.074]]
@@ -125,14 +128,13 @@ class Display:
         """XYZ of all primaries at their highest level, (3,)."""
         return self._to_xyz.sum(axis=1)
 
-    def linear(self, xyz: Numbers) -> Float[Array, "*batch 3"]:
+    def linear(self, xyz: Numbers) -> Float[Array | np.ndarray, "*batch 3"]:
         """Light of each primary that makes up a colour, (..., 3): 0 to 1 within the gamut, linear in XYZ.
 
         Args:
             xyz: (..., 3), on the scale of `luminances`.
         """
-        values = as_float_array(xyz)
-        return jnp.matmul(values, jnp.asarray(self._to_light.T, values.dtype), precision="highest")
+        return _times(_floats(xyz), self._to_light)
 
     def to_rgb(self, xyz: Numbers, *, gamut: Gamut = "clip") -> Digital:
         """Digital RGB of colours, and where the display can't show them.
@@ -152,24 +154,25 @@ class Display:
         if gamut not in get_args(Gamut):
             raise ValueError(f"gamut is {gamut!r}; it must be one of {', '.join(get_args(Gamut))}")
         light = self.linear(xyz)
-        outside = jnp.any((light < -_SLACK) | (light > 1.0 + _SLACK), axis=-1)
+        xp = array_module(light)
+        outside = xp.any((light < -_SLACK) | (light > 1.0 + _SLACK), axis=-1)
         if gamut == "error":
             self._refuse(xyz, outside)
-        inside = bring_inside(light, jnp.asarray(self.luminances / self.luminances.sum(), light.dtype), gamut)
-        return Digital(jnp.round(self.encode(inside)).astype(jnp.int32), outside)
+        inside = bring_inside(light, self.luminances / self.luminances.sum(), gamut)
+        return Digital(xp.round(self.encode(inside)).astype(np.int32), outside)
 
-    def encode(self, light: Numbers) -> Float[Array, "*batch 3"]:
+    def encode(self, light: Numbers) -> Float[Array | np.ndarray, "*batch 3"]:
         """Levels before rounding, (..., 3), of the light of each primary, (..., 3), 0 to 1; differentiable."""
-        values = as_float_array(light)
-        return jnp.stack([tone.level(values[..., k]) for k, tone in enumerate(self.tones)], axis=-1)
+        values = _floats(light)
+        return array_module(values).stack([tone.level(values[..., k]) for k, tone in enumerate(self.tones)], axis=-1)
 
-    def to_xyz(self, rgb: Numbers) -> Float[Array, "*batch 3"]:
+    def to_xyz(self, rgb: Numbers) -> Float[Array | np.ndarray, "*batch 3"]:
         """XYZ that the display shows for digital RGB, (..., 3), levels 0 to `levels`; fractions are interpolated."""
-        values = as_float_array(rgb)
-        light = jnp.stack([tone.light(values[..., k]) for k, tone in enumerate(self.tones)], axis=-1)
-        return jnp.matmul(light, jnp.asarray(self._to_xyz.T, light.dtype), precision="highest")
+        values = _floats(rgb)
+        light = [tone.light(values[..., k]) for k, tone in enumerate(self.tones)]
+        return _times(array_module(values).stack(light, axis=-1), self._to_xyz)
 
-    def adapt(self, xyz: Numbers, white: Numbers) -> Float[Array, "*batch 3"]:
+    def adapt(self, xyz: Numbers, white: Numbers) -> Float[Array | np.ndarray, "*batch 3"]:
         """Colours as they look to an eye adapted to their white, for one adapted to the display's, by Bradford.
 
         Args:
@@ -179,10 +182,9 @@ class Display:
         transform = colour_science().adaptation.matrix_chromatic_adaptation_VonKries(
             np.asarray(white, float), self.white, transform="Bradford"
         )
-        values = as_float_array(xyz)
-        return jnp.matmul(values, jnp.asarray(np.asarray(transform).T, values.dtype), precision="highest")
+        return _times(_floats(xyz), np.asarray(transform))
 
-    def _refuse(self, xyz: Numbers, outside: Bool[Array, "*batch"]) -> None:
+    def _refuse(self, xyz: Numbers, outside: Bool[Array | np.ndarray, "*batch"]) -> None:
         """Name the first colour outside the gamut."""
         wrong = concrete(outside)
         if wrong is None:
@@ -196,3 +198,20 @@ class Display:
 
     def __repr__(self) -> str:
         return f"Display({self.name!r}, white {np.array2string(self.white, precision=4)}, {self.levels + 1} levels)"
+
+
+def _floats(values: Numbers) -> Float[Array | np.ndarray, "..."]:
+    """Values as floats, in NumPy unless they are JAX's."""
+    array = as_array(values)
+    return (
+        np.asarray(array, np.result_type(array, np.float32)) if isinstance(array, np.ndarray) else as_float_array(array)
+    )
+
+
+def _times(
+    vectors: Float[Array | np.ndarray, "*batch 3"], matrix: Float[np.ndarray, "3 3"]
+) -> Float[Array | np.ndarray, "*batch 3"]:
+    """The matrix times each vector."""
+    xp = array_module(vectors)
+    transposed = xp.asarray(matrix.T, vectors.dtype)
+    return vectors @ transposed if xp is np else xp.matmul(vectors, transposed, precision="highest")

@@ -7,11 +7,11 @@ and back is the same level to rounding.
 from dataclasses import dataclass
 from typing import Self
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..spectra import Numbers, as_float_array
+from ..radiative.fresnel import array_module
+from ..spectra import Numbers, as_array, as_float_array
 
 FINE_BELOW = 14
 """Light, of 255, below which paper B has its finer table."""
@@ -109,11 +109,11 @@ class ToneCurve:
             np.concatenate([low[keep], whole[count:]]), np.concatenate([light[keep], np.arange(count, whole.size)])
         )
 
-    def light(self, level: Numbers) -> Float[Array, "..."]:
+    def light(self, level: Numbers) -> Float[Array | np.ndarray, "..."]:
         """Light, 0 to 1, of levels, (...)."""
         return _interpolate(level, self.levels, self.lights)
 
-    def level(self, light: Numbers) -> Float[Array, "..."]:
+    def level(self, light: Numbers) -> Float[Array | np.ndarray, "..."]:
         """Level, not rounded, that gives light 0 to 1, (...)."""
         return _interpolate(light, self.lights, self.levels)
 
@@ -148,7 +148,11 @@ def look_up(
     return np.rint(found).astype(int)
 
 
-def _interpolate(x: Numbers, knots: np.ndarray, values: np.ndarray) -> Float[Array, "..."]:
+def _interpolate(x: Numbers, knots: np.ndarray, values: np.ndarray) -> Float[Array | np.ndarray, "..."]:
     """Straight lines between knots, ends kept."""
-    at = as_float_array(x)
-    return jnp.interp(at, jnp.asarray(knots, at.dtype), jnp.asarray(values, at.dtype))
+    at = as_array(x)
+    if isinstance(at, np.ndarray):
+        return np.interp(at, knots, values)
+    at = as_float_array(at)
+    xp = array_module(at)
+    return xp.interp(at, xp.asarray(knots, at.dtype), xp.asarray(values, at.dtype))

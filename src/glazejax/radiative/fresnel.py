@@ -112,27 +112,41 @@ def cook_torrance_reflectance(
     return dielectric_reflectance(cos_incidence, (1.0 + root) / (1.0 - root))
 
 
+def hall_extinction(mean_normal_reflectance: float | Float[Array | np.ndarray, "*batch"]) -> Float[Array, "*batch"]:
+    """Extinction k of the metal of index n = 1 that reflects so much at normal incidence.
+
+    Args:
+        mean_normal_reflectance: mean over the wavelengths, (...), in [0, 1).
+
+    Source: paper B, eq (23).
+    """
+    xp = array_module(mean_normal_reflectance)
+    return xp.asarray(2.0 * xp.sqrt(mean_normal_reflectance / (1.0 - mean_normal_reflectance)))
+
+
 def hall_reflectance(
     cos_incidence: float | Float[Array | np.ndarray, "*batch"],
     normal_reflectance: float | Float[Array | np.ndarray, "*batch"],
-    mean_normal_reflectance: float | Float[Array | np.ndarray, "*batch"],
+    mean_extinction: float | Float[Array | np.ndarray, "*batch"],
+    mean_index: float | Float[Array | np.ndarray, "*batch"] = 1.0,
 ) -> Float[Array, "*batch"]:
-    """Hall's estimate: from normal incidence to 1 along the curve of one metal of index 1 + ik for all wavelengths.
+    """Hall's estimate: from normal incidence to 1 along the curve of one average metal for all wavelengths.
 
     Args:
         cos_incidence: cosine of the angle of incidence, (...), in [0, 1].
         normal_reflectance: measured at normal incidence, (...), in [0, 1].
-        mean_normal_reflectance: its mean over the wavelengths, (...), in [0, 1).
+        mean_extinction: mean k over the wavelengths, (...), > 0; `hall_extinction` where it is not known.
+        mean_index: mean n, (...), > 0; 1 where it is not known.
 
     Returns:
         Reflectance in [0, 1], (...).
 
-    Source: paper B, eqs (19)-(23), with n = 1.
+    Source: paper B, eqs (19)-(22).
     """
-    xp = array_module(cos_incidence, normal_reflectance, mean_normal_reflectance)
-    mean, c = mean_normal_reflectance, cos_incidence
-    square = 1.0 + 4.0 * mean / (1.0 - mean)  # n^2 + k^2, with (23)
-    s = (square - 2.0 * c + c**2) / (square + 2.0 * c + c**2)
-    p = (square * c**2 - 2.0 * c + 1.0) / (square * c**2 + 2.0 * c + 1.0)
-    rise = (0.5 * (s + p) - mean) / (1.0 - mean)
+    xp = array_module(cos_incidence, normal_reflectance, mean_extinction, mean_index)
+    n, c, square = mean_index, cos_incidence, mean_index**2 + mean_extinction**2
+    s = (square - 2.0 * n * c + c**2) / (square + 2.0 * n * c + c**2)
+    p = (square * c**2 - 2.0 * n * c + 1.0) / (square * c**2 + 2.0 * n * c + 1.0)
+    start = (square - 2.0 * n + 1.0) / (square + 2.0 * n + 1.0)
+    rise = (0.5 * (s + p) - start) / (1.0 - start)
     return xp.asarray(normal_reflectance + (1.0 - normal_reflectance) * rise)
