@@ -25,6 +25,7 @@ class Discrepancy:
     Attributes:
         coefficient: standard deviation of the log of a paint's k, and of its s.
         coefficient_length: over which these errors stay alike, nm.
+        level: standard deviation of a further error of log k, and of log s, that is the same at all wavelengths.
         amplitude: standard deviation of the model's own smooth error, in reflectance.
         length: over which that stays alike, nm.
         shared: its correlation between grounds, in [0, 1].
@@ -36,19 +37,20 @@ class Discrepancy:
         ValueError: a value out of range.
     """
 
-    coefficient: float = 0.3
-    coefficient_length: float = 60.0
-    amplitude: float = 0.02
+    coefficient: float = 0.35
+    coefficient_length: float = 100.0
+    level: float = 0.25
+    amplitude: float = 0.01
     length: float = 100.0
     shared: float = 0.8
     scales: tuple[float, ...] = (0.25, 0.5, 1.0, 2.0)
     weights: tuple[float, ...] = (0.1, 0.3, 0.4, 0.2)
     gloss: float = 1.0
-    gloss_sd: float = 0.3
-    screening: float = 0.04
+    gloss_sd: float = 0.35
+    screening: float = 0.035
 
     def __post_init__(self) -> None:
-        for name in ("coefficient", "coefficient_length", "amplitude", "length", "gloss", "gloss_sd", "screening"):
+        for name in ("coefficient", "coefficient_length", "level", "amplitude", "length", "gloss", "gloss_sd", "screening"):
             value = getattr(self, name)
             if not (np.isfinite(value) and value >= 0 and (value > 0 or "length" not in name)):
                 raise ValueError(f"the discrepancy's {name} is {value:g}; it must be positive")
@@ -76,8 +78,8 @@ class Prior:
 
     thickness: float = 25e-6
     spread: float = 0.7
-    concentration: float = 1.0
-    sizes: tuple[float, ...] = (0.4, 0.55, 0.05)
+    concentration: float = 0.4
+    sizes: tuple[float, ...] = (0.4, 0.59, 0.01)
     stacked: float = 0.3
     unknown: float = 0.05
 
@@ -121,8 +123,9 @@ def coefficient_covariance(
         discrepancy: size and length of the errors.
     """
     grounds = slopes.shape[-1] // wavelengths.size
-    smooth = np.tile(smooth_kernel(wavelengths, discrepancy.coefficient_length), (grounds, grounds))
-    return discrepancy.coefficient**2 * (np.swapaxes(slopes, -1, -2) @ slopes) * smooth
+    smooth = discrepancy.coefficient**2 * smooth_kernel(wavelengths, discrepancy.coefficient_length)
+    alike = np.tile(smooth + discrepancy.level**2, (grounds, grounds))
+    return (np.swapaxes(slopes, -1, -2) @ slopes) * alike
 
 
 def noise_covariance(
