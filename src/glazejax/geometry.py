@@ -22,6 +22,16 @@ def _angle(name: str, degrees: Numbers) -> float | Float[Array, "..."]:
     return as_float_array(degrees) if values.ndim or eqx.is_array(degrees) else float(values)
 
 
+def _azimuth(degrees: Numbers) -> float | Float[Array, "..."]:
+    """Any finite angle."""
+    values = concrete(degrees)
+    if values is None:
+        return as_float_array(degrees)
+    if not np.all(np.isfinite(values)):
+        raise ValueError(f"azimuth must be a finite number of degrees, not {values[~np.isfinite(values)].flat[0]:g}")
+    return as_float_array(degrees) if values.ndim or eqx.is_array(degrees) else float(values)
+
+
 def _cosine(degrees: ArrayLike) -> ArrayLike:
     """Cosine of an angle in degrees; a trailing axis of bands is added to an array of angles."""
     if isinstance(degrees, float):
@@ -33,26 +43,32 @@ def _cosine(degrees: ArrayLike) -> ArrayLike:
 class Bidirectional(eqx.Module):
     """A beam in one direction, radiance measured in another: a 0:0, 45:0 or gonio instrument.
 
-    Gives the reflectance factor pi L_out / E_in. Scattering in the glaze is isotropic, so the azimuth
-    between the two directions does not matter to it.
+    Gives the reflectance factor pi L_out / E_in. The azimuth between the two directions matters only to paint with
+    a phase function, and only where neither of them is normal.
 
     Args:
         incidence: angle of the beam from the normal, degrees in air, [0, 90), scalar or (...).
         viewing: angle of the view from the normal, degrees in air, [0, 90), scalar or (...).
         specular: whether the view, where `viewing` equals `incidence`, is the mirror direction; then the
             Fresnel reflectance of the outer surface is added (paper A, section 3.2, step 6).
+        azimuth: degrees between the horizontal directions of the light before and after, scalar or (...): 0 is the
+            side of the mirror direction, 180 back towards the light.
 
     Raises:
-        ValueError: an angle is outside [0, 90).
+        ValueError: an angle is outside [0, 90), or an azimuth is not finite.
     """
 
     incidence: float | Float[Array, "..."]
     viewing: float | Float[Array, "..."]
+    azimuth: float | Float[Array, "..."]
     specular: bool = eqx.field(static=True)
 
-    def __init__(self, incidence: Numbers = 0.0, viewing: Numbers = 0.0, specular: bool = False):
+    def __init__(
+        self, incidence: Numbers = 0.0, viewing: Numbers = 0.0, specular: bool = False, azimuth: Numbers = 0.0
+    ):
         self.incidence = _angle("incidence", incidence)
         self.viewing = _angle("viewing", viewing)
+        self.azimuth = _azimuth(azimuth)
         self.specular = bool(specular)
 
     @property

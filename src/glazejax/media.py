@@ -4,7 +4,8 @@ All of them are equinox modules, hence pytrees: they pass through jit, vmap and 
 an object is built from concrete numbers; inside a traced function only shapes are.
 
 Coefficients are those of radiative transfer, k (absorption) and s (scattering) in 1/m. They are not
-Kubelka-Munk's K and S: K = 2k and, for isotropic scattering, S is about 3s/4.
+Kubelka-Munk's K and S: K = 2k and, for isotropic scattering, S is about 3s/4. Scattering is isotropic unless a
+phase function is given.
 """
 
 import functools
@@ -17,6 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from .media_phase import blended, legal_phase, stacked
 from .spectra import (
     Grid,
     Numbers,
@@ -61,10 +63,12 @@ class Pigment(eqx.Module):
             not, only their ratio is known. None if not stated.
         absorption_sd: (..., bands), standard deviation of k in 1/m, or None.
         scattering_sd: (..., bands), standard deviation of s in 1/m, or None.
+        phase: Legendre moments of the phase function (`glazejax.radiative.phase`), (terms,) or (bands, terms); None
+            is isotropic scattering.
         provenance: where the numbers come from, and the assumed thickness if they rest on one.
 
     Raises:
-        ValueError: shapes do not match, or a coefficient is negative or not finite.
+        ValueError: shapes do not match, a coefficient is negative or not finite, or moments are no phase function's.
     """
 
     name: str = eqx.field(static=True)
@@ -72,6 +76,7 @@ class Pigment(eqx.Module):
     scattering: Float[Array, "*batch bands"]
     absorption_sd: Float[Array, "*batch bands"] | None
     scattering_sd: Float[Array, "*batch bands"] | None
+    phase: Float[Array, "*bands terms"] | None
     provenance: str = eqx.field(static=True)
     # Tuples, because what is static must be hashable, and booleans as leaves would break jax.grad.
     _grid: tuple[float, ...] = eqx.field(static=True)
@@ -87,6 +92,7 @@ class Pigment(eqx.Module):
         identifiable: Grid | None = None,
         absorption_sd: Spectra | None = None,
         scattering_sd: Spectra | None = None,
+        phase: Numbers | None = None,
         provenance: str = "",
     ):
         grid = validate_wavelengths(wavelengths)
@@ -106,6 +112,7 @@ class Pigment(eqx.Module):
         self.scattering = spectrum("scattering", scattering)
         self.absorption_sd = None if absorption_sd is None else spectrum("absorption_sd", absorption_sd)
         self.scattering_sd = None if scattering_sd is None else spectrum("scattering_sd", scattering_sd)
+        self.phase = None if phase is None else legal_phase(repr(name), phase, grid.size)
         self.provenance = provenance
         self._grid = tuple(grid.tolist())
         if identifiable is None:
@@ -141,7 +148,9 @@ class Pigment(eqx.Module):
                 return None
             return jnp.matmul(values, jnp.asarray(matrix, dtype=values.dtype), precision="highest")
 
-        k, s = at(self.absorption), at(self.scattering)
+        k, s, phase = at(self.absorption), at(self.scattering), self.phase
+        if phase is not None and phase.ndim == 2 and phase.shape[0] > 1:
+            phase = jnp.matmul(jnp.asarray(matrix.T, dtype=phase.dtype), phase, precision="highest")
         assert k is not None
         assert s is not None
         return type(self)(
@@ -152,6 +161,7 @@ class Pigment(eqx.Module):
             identifiable=None if self.identifiable is None else ~np.any(matrix[~self.identifiable] > 0, axis=0),
             absorption_sd=at(self.absorption_sd),
             scattering_sd=at(self.scattering_sd),
+            phase=phase,
             provenance=self.provenance,
         )
 
@@ -161,6 +171,8 @@ class Pigment(eqx.Module):
 
 class Mixture(eqx.Module):
     """Paints mixed in known proportions; coefficients add: k = sum c_i k_i, s = sum c_i s_i.
+
+    Phase functions are averaged by the light that each paint scatters, c_i s_i.
 
     Args:
         pigments: one or more paints on the same wavelengths.
@@ -220,6 +232,12 @@ class Mixture(eqx.Module):
         """Scattering s in 1/m, (..., bands)."""
         return self._blend([p.scattering for p in self.pigments])
 
+    @property
+    def phase(self) -> Float[Array, "*batch bands terms"] | None:
+        """Legendre moments of the phase function, (..., bands, terms), or None if all paints scatter isotropically."""
+        parts = [self.weights[..., i, None] * p.scattering for i, p in enumerate(self.pigments)]
+        return blended([p.phase for p in self.pigments], parts)
+
     def _blend(self, spectra: Sequence[Float[Array, "*batch bands"]]) -> Float[Array, "*batch bands"]:
         """Sum of spectra, weighted."""
         return functools.reduce(operator.add, [self.weights[..., i, None] * values for i, values in enumerate(spectra)])
@@ -238,15 +256,18 @@ class Layer(eqx.Module):
     Args:
         medium: what it is made of.
         thickness: scalar or (...), m, in [0, 0.01]; 0 is exactly no layer.
+        phase: Legendre moments of its phase function, (terms,) or (bands, terms), in place of those of the medium.
 
     Raises:
-        ValueError: the thickness is negative, not finite, or so large that it cannot be in metres.
+        ValueError: moments are no phase function's, or the thickness is negative, not finite, or so large that it
+            cannot be in metres.
     """
 
     medium: Pigment | Mixture
     thickness: Float[Array, "*batch"]
+    _phase: Float[Array, "*bands terms"] | None
 
-    def __init__(self, medium: Pigment | Mixture, thickness: Numbers):
+    def __init__(self, medium: Pigment | Mixture, thickness: Numbers, phase: Numbers | None = None):
         _check_range(
             f"thickness of {medium.name!r}",
             thickness,
@@ -256,6 +277,14 @@ class Layer(eqx.Module):
         )
         self.medium = medium
         self.thickness = as_float_array(thickness)
+        self._phase = (
+            None if phase is None else legal_phase(f"layer of {medium.name!r}", phase, medium.wavelengths.size)
+        )
+
+    @property
+    def phase(self) -> Float[Array, "*batch bands terms"] | None:
+        """Legendre moments of the phase function, (..., bands or nothing, terms), or None for isotropic scattering."""
+        return self.medium.phase if self._phase is None else self._phase
 
     def __repr__(self) -> str:
         values = concrete(self.thickness)
@@ -338,6 +367,11 @@ class Glaze(eqx.Module):
         return self._stack(
             [(la.medium.absorption + la.medium.scattering) * la.thickness[..., None] for la in self.layers]
         )
+
+    @property
+    def phase(self) -> Float[Array, "*batch bands layers terms"] | None:
+        """Legendre moments of the layers' phase functions, (..., bands or 1, layers, terms); None: all isotropic."""
+        return stacked([layer.phase for layer in self.layers])
 
     def _stack(self, spectra: Sequence[Float[Array, "..."]]) -> Float[Array, "*batch bands layers"]:
         """Spectra of the layers, side by side on a last axis; (..., bands, 0) for bare ground."""

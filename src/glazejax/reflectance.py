@@ -1,16 +1,19 @@
 """Glaze and instrument -> spectrum: the one place where paint meets solver."""
 
+from typing import Any
+
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .geometry import Bidirectional, Geometry, Hemispherical
 from .media import Glaze
 from .radiative.fresnel import dielectric_reflectance
+from .radiative.manyflux import manyflux_hemispherical_reflectance, manyflux_reflectance_factor
 from .radiative.stack import Method, stack_hemispherical_reflectance, stack_reflectance_factor
 
 
 def reflectance(
-    glaze: Glaze, geometry: Geometry, *, tolerance: float = 1e-6, method: Method = "ordinates"
+    glaze: Glaze, geometry: Geometry, *, tolerance: float = 1e-6, method: Method | None = None
 ) -> Float[Array, "*batch bands"]:
     """Reflectance spectrum of a glaze as an instrument sees it.
 
@@ -20,43 +23,40 @@ def reflectance(
             share of the flux. With its `specular` flag, the Fresnel reflectance of the outer surface is
             added (for `Bidirectional` only where viewing equals incidence).
         tolerance: absolute error wanted; static.
-        method: "ordinates", or "auxiliary" or "manyflux": the same quantity another way.
+        method: "ordinates", or "auxiliary" or "manyflux": the same quantity another way. By default the first, or
+            "manyflux" where a paint has a phase function: only it can follow that.
 
     Returns:
         (..., bands); one band if neither layers nor substrate have bands.
 
     Raises:
         TypeError: `geometry` is neither of the two.
-        ValueError: the solver refuses `tolerance` or `method`.
+        ValueError: the solver refuses `tolerance` or `method`, or a glaze with phase functions has an index that
+            varies or is traced.
 
     Source: paper A (Shinozawa et al. 2013), section 3.2.
     """
-    albedo, thickness = glaze.albedo, glaze.optical_thickness
+    phase = glaze.phase
+    if phase is not None and method not in (None, "manyflux"):
+        raise ValueError(f"method {method!r} takes isotropic scattering only; a paint here has a phase function")
     n = glaze.refractive_index
+    stack = glaze.albedo, glaze.optical_thickness, glaze.substrate
+    given: dict[str, Any] = {"refractive_index": n, "tolerance": tolerance}
+    given |= {"method": method or "ordinates"} if phase is None else {"phase": phase}
     match geometry:
         case Bidirectional():
-            diffuse = stack_reflectance_factor(
-                albedo,
-                thickness,
-                glaze.substrate,
-                refractive_index=n,
-                cos_incidence=geometry.cos_incidence,
-                cos_viewing=geometry.cos_viewing,
-                tolerance=tolerance,
-                method=method,
-            )
+            directions: dict[str, Any] = {"cos_incidence": geometry.cos_incidence, "cos_viewing": geometry.cos_viewing}
+            azimuth = jnp.asarray(geometry.azimuth)
+            azimuth = azimuth[..., None] if azimuth.ndim else azimuth
+            if phase is None:
+                diffuse = stack_reflectance_factor(*stack, **directions, **given)
+            else:
+                diffuse = manyflux_reflectance_factor(*stack, **directions, azimuth=azimuth, **given)
             mirror = jnp.asarray(geometry.incidence) == jnp.asarray(geometry.viewing)
-            mirror = mirror[..., None] if mirror.ndim else mirror
+            mirror = (mirror[..., None] if mirror.ndim else mirror) & _on_mirror_side(geometry, azimuth)
         case Hemispherical():
-            diffuse = stack_hemispherical_reflectance(
-                albedo,
-                thickness,
-                glaze.substrate,
-                refractive_index=n,
-                cos_incidence=geometry.cos_incidence,
-                tolerance=tolerance,
-                method=method,
-            )
+            solve = stack_hemispherical_reflectance if phase is None else manyflux_hemispherical_reflectance
+            diffuse = solve(*stack, cos_incidence=geometry.cos_incidence, **given)
             mirror = True
         case _:
             raise TypeError(f"geometry must be Bidirectional or Hemispherical, not {type(geometry).__name__}")
@@ -64,3 +64,10 @@ def reflectance(
         return diffuse
     surface = dielectric_reflectance(jnp.asarray(geometry.cos_incidence), jnp.asarray(n))
     return diffuse + jnp.where(mirror, surface, 0.0)
+
+
+def _on_mirror_side(geometry: Bidirectional, azimuth: Array) -> Array:
+    """Whether the azimuth is that of the mirror direction; at normal incidence every azimuth is."""
+    turned = jnp.remainder(azimuth, 360.0)
+    normal = jnp.asarray(geometry.incidence) == 0
+    return (turned == 0) | (normal[..., None] if normal.ndim else normal)
