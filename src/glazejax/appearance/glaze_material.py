@@ -23,8 +23,10 @@ ALL_ANGLES = ((0.0, 90.0), (0.0, 90.0))
 """Degrees in air of incidence and viewing."""
 
 # Numbers of nodes that are tried, for angles and thicknesses.
-_ANGLE_NODES = (3, 4, 6, 8, 12, 16, 24, 32)
-_THICKNESS_NODES = (5, 9, 17, 33, 65)
+_ANGLE_NODES = (3, 4, 5, 6, 8, 12, 16, 24, 32)
+_THICKNESS_NODES = (5, 7, 9, 12, 16, 20, 26, 34, 48, 65)
+# Axes whose last coefficients are within this factor of the largest are refined together.
+_TOGETHER = 0.5
 # The solver gets this share of the tolerance.
 _SOLVER_SHARE = 0.05
 _CHECKS = 48
@@ -151,7 +153,7 @@ class _Building:
         tails = (max(tail(1), tail(2)), tail(3))
         room = (sizes[0] + 1 < len(_ANGLE_NODES), self.varies and sizes[1] + 1 < len(_THICKNESS_NODES))
         largest = max((size for size, more in zip(tails, room, strict=True) if more), default=0.0)
-        grow = [k for k in (0, 1) if room[k] and tails[k] >= 0.25 * largest > 0.0]
+        grow = [k for k in (0, 1) if room[k] and tails[k] >= _TOGETHER * largest > 0.0]
         for k in grow:
             sizes[k] += 1
         return bool(grow)

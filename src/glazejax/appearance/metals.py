@@ -48,6 +48,9 @@ class Metal(NamedTuple):
     """k."""
     source: str
 
+    def __repr__(self) -> str:
+        return f"Metal({self.name!r}, {describe_grid(self.wavelengths)})"
+
     def resample(self, wavelengths_nm: Grid) -> "Metal":
         """The metal on another grid, nm, by monotone cubic interpolation (PCHIP): no n or k beyond its neighbours'.
 
