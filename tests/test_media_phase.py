@@ -106,6 +106,8 @@ def test_errors_name_the_value():
     glaze = gj.Glaze([gj.Layer(FORWARD, 1e-6)], 0.4)
     with pytest.raises(ValueError, match="'ordinates' takes isotropic scattering only"):
         gj.reflectance(glaze, gj.Hemispherical(), method="ordinates")
+    with pytest.raises(ValueError, match="a picture takes paint that scatters isotropically"):
+        gj.picture([FORWARD], [np.full((2, 2), 1e-6)], 0.5)
     with pytest.raises(ValueError, match="azimuth must be a finite number"):
         gj.Bidirectional(45.0, 30.0, azimuth=np.nan)
     with pytest.raises(ValueError, match="refractive_index must be a number"):

@@ -157,6 +157,8 @@ class _Scene:
         unit = Glaze([Layer(coat.medium, 1e-3) for coat in coats], ground if ground.ndim < 2 else 0.0, refractive_index)
         if ground.ndim == 2:
             Glaze([], ground)
+        if unit.phase is not None:
+            raise ValueError("a picture takes paint that scatters isotropically; glazejax.reflectance follows phase")
         self.albedo = np.asarray(unit.albedo, float)  # (bands, layers)
         self.extinction = 1e3 * np.asarray(unit.optical_thickness, float)
         self.refractive_index = np.asarray(unit.refractive_index, float)
