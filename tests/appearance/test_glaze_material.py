@@ -39,6 +39,11 @@ def solved(top: Numbers = 15e-6, index=1.5):
     )
 
 
+def forward():
+    """Paint that scatters forwards."""
+    return gj.Glaze([gj.Layer(paints()[0], 10e-6, phase=[1.0, 0.5, 0.25])], 0.6)
+
+
 @pytest.fixture(scope="module")
 def table():
     return glaze_table(glaze(), WAVELENGTHS, tolerance=1e-4)
@@ -150,6 +155,8 @@ def test_slopes_by_the_paint(table):
         (lambda t: glaze_table(glaze(), WAVELENGTHS, thickness=[12.0]), "thickness is in metres"),
         (lambda t: glaze_table(glaze(top=np.full(3, 1e-6)), WAVELENGTHS), "one glaze, without batch axes"),
         (lambda t: glaze_table(glaze(), [300.0, 500.0]), "without guessing"),
+        (lambda t: glaze_table(forward(), WAVELENGTHS), "takes isotropic scattering only"),
+        (lambda t: t.refilled(forward(), WAVELENGTHS), "takes isotropic scattering only"),
         (lambda t: jax.grad(lambda d: glaze_table(glaze(d), WAVELENGTHS).table.sum())(1e-6), "JAX traces this glaze"),
     ],
 )

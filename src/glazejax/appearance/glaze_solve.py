@@ -17,8 +17,13 @@ def on_grid(glaze: Glaze, wavelengths_nm: Grid) -> Glaze:
     """The glaze on the wavelengths of the scene, its substrate with one value for each.
 
     Raises:
-        ValueError: it has batch axes, or the wavelengths reach beyond those of its paints.
+        ValueError: it has batch axes or phase functions, or the wavelengths reach beyond those of its paints.
     """
+    if glaze.phase is not None:
+        raise ValueError(
+            "a paint here has a phase function, and then the azimuth matters too: a table of angles takes isotropic "
+            "scattering only; use glazejax.reflectance for single directions"
+        )
     new = validate_wavelengths(wavelengths_nm)
     if any(layer.thickness.ndim for layer in glaze.layers) or glaze.albedo.ndim > 2 or glaze.substrate.ndim > 1:
         raise ValueError("a material is one glaze, without batch axes; give a map of thicknesses as thickness")
