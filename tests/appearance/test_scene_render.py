@@ -185,7 +185,7 @@ def test_gradient_of_a_pixel_by_the_spectrum_of_a_material():
     weights = jnp.asarray(np.random.default_rng(1).normal(size=(48, GRID.size)))
 
     def total(body, index, light):
-        changed = [*materials]
+        changed: list = [*materials]
         changed[0], changed[1], changed[5] = Lambert(body), None, None
         changed[3] = Conductor(index, 3.0)
         spectra = jnp.asarray(made.light_spectra()).at[0].set(light)

@@ -35,7 +35,7 @@ class Triangles(NamedTuple):
     high: Float[np.ndarray, "nodes 3"]
     first: Int[np.ndarray, "nodes"]
     """First triangle of a leaf."""
-    count: Int[np.ndarray, "nodes"]
+    held: Int[np.ndarray, "nodes"]
     """Triangles of a leaf; 0 for the others."""
     skip: Int[np.ndarray, "nodes"]
     """The node to go to where the box is missed, or after a leaf."""
@@ -127,7 +127,7 @@ def nearest_triangle(
     """
     nodes = len(triangles.skip)
     low, high = jnp.asarray(triangles.low), jnp.asarray(triangles.high)
-    first, count, skip = (jnp.asarray(a, jnp.int32) for a in (triangles.first, triangles.count, triangles.skip))
+    first, count, skip = (jnp.asarray(a, jnp.int32) for a in (triangles.first, triangles.held, triangles.skip))
     corner, edge1, edge2 = (jnp.asarray(a) for a in (triangles.corner, triangles.edge1, triangles.edge2))
     # A ray along an axis gets a slope that is tiny but not zero, so that no 0/0 can arise.
     slope = 1.0 / jnp.where(jnp.abs(direction) < 1e-30, 1e-30, direction)

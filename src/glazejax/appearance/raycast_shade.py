@@ -43,7 +43,7 @@ def _mirrored(material: Material, view: Array, beyond: Array) -> Float[Array, "p
     return material.mirror(view) * beyond
 
 
-def sample_map(values: Float[Array, "h w"], uv: Float[Array, "points 2"]) -> Float[Array, "points"]:
+def sample_map(values: Float[Array | np.ndarray, "h w"], uv: Float[Array, "points 2"]) -> Float[Array, "points"]:
     """A map at texture coordinates, bilinear between the middles of its pixels.
 
     The map repeats beyond 0 to 1; v runs upwards and the first row is on top.
@@ -108,8 +108,8 @@ def _add_lights(own: Array, level: Level, mine: np.ndarray, material: Material, 
     for piece, size in _pieces(rows.size):
         r, k = _filled(rows[piece], size), _filled(which[piece], size)
         strength = np.where(np.arange(size) < len(rows[piece]), level.strength[r, k], 0.0)
-        view, light, between = level.cos_view[r], level.cos_light[r, k], level.between[r, k]
-        own = own.at[r].add(_lit(material, lights, k, strength, view, light, between, level.uv[r]))
+        pairs = (k, strength, level.cos_view[r], level.cos_light[r, k], level.between[r, k], level.uv[r])
+        own = own.at[r].add(_lit(material, lights, *map(jnp.asarray, pairs)))
     return own
 
 
@@ -119,7 +119,7 @@ def _add_mirror(own: Array, level: Level, child: Level, number: int, material: M
         chosen = _filled(children[piece], size)
         there = np.arange(size) < len(children[piece])
         rows = child.parent[chosen]
-        shown = _mirrored(material, level.cos_view[rows], beyond[chosen])
+        shown = _mirrored(material, jnp.asarray(level.cos_view[rows]), beyond[chosen])
         own = own.at[rows].add(jnp.where(there[:, None], shown, 0.0))
     return own
 

@@ -11,6 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ..spectra import Numbers
 from .raycast_mesh import Triangles, make_triangles, nearest_triangle, triangle_surface
 
 if TYPE_CHECKING:
@@ -121,7 +122,7 @@ def plane_frame(plane: "Plane") -> np.ndarray:
     return np.stack([np.cross(height, normal), height, normal])
 
 
-def rotation(degrees: Sequence[float] | np.ndarray) -> Float[np.ndarray, "3 3"]:
+def rotation(degrees: Numbers) -> Float[np.ndarray, "3 3"]:
     """Matrix of rotations about x, then y, then z; it turns column vectors."""
     total = np.eye(3)
     for axis, angle in enumerate(np.deg2rad(np.asarray(degrees, float))):

@@ -47,7 +47,7 @@ class SceneFile:
 
 def example() -> str:
     """Text of a scene file that shows the format."""
-    return (files(__package__) / "scene_example.toml").read_text(encoding="utf-8")
+    return (files("glazejax.appearance") / "scene_example.toml").read_text(encoding="utf-8")
 
 
 def read_scene(path: str | Path) -> SceneFile:

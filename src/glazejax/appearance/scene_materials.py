@@ -52,9 +52,9 @@ class Material(eqx.Module):
             ValueError: names the material and the value.
         """
         for what, spectrum in self.spectra().items():
-            if jnp.shape(spectrum) not in ((), wavelengths.shape):
+            if np.shape(spectrum) not in ((), wavelengths.shape):
                 raise ValueError(
-                    f"{what} of material {name!r} has shape {jnp.shape(spectrum)}, but the scene has "
+                    f"{what} of material {name!r} has shape {np.shape(spectrum)}, but the scene has "
                     f"{describe_grid(wavelengths)}"
                 )
             known = concrete(spectrum)
@@ -79,7 +79,7 @@ class Material(eqx.Module):
         return self
 
     @property
-    def thickness_map(self) -> Float[Array, "h w"] | None:
+    def thickness_map(self) -> Float[Array | np.ndarray, "h w"] | None:
         """Thickness in m over the texture coordinates, first row on top; None if there is none."""
         return None
 
@@ -191,7 +191,7 @@ class Glazed(Material):
     """
 
     glaze: Glaze
-    thickness: Float[Array, "h w"] | None = None
+    thickness: Float[Array | np.ndarray, "h w"] | None = None
     layer: int = eqx.field(static=True, default=0)
     gloss: bool = eqx.field(static=True, default=True)
 
@@ -231,7 +231,7 @@ class Glazed(Material):
         return Glazed(glaze, self.thickness, self.layer, self.gloss)
 
     @property
-    def thickness_map(self) -> Float[Array, "h w"] | None:
+    def thickness_map(self) -> Float[Array | np.ndarray, "h w"] | None:
         """Thickness in m over the texture coordinates."""
         return self.thickness
 
@@ -258,7 +258,7 @@ class GlazedTable(Material):
     """A glaze whose reflectance factor is tabulated; made by `Glazed.prepare`."""
 
     table: GlazeTable
-    thickness: Float[Array, "h w"] | None
+    thickness: Float[Array | np.ndarray, "h w"] | None
     gloss: bool = eqx.field(static=True)
 
     def spectra(self) -> dict[str, Numbers]:
@@ -269,7 +269,7 @@ class GlazedTable(Material):
         """Nothing is left to check."""
 
     @property
-    def thickness_map(self) -> Float[Array, "h w"] | None:
+    def thickness_map(self) -> Float[Array | np.ndarray, "h w"] | None:
         """Thickness in m over the texture coordinates."""
         return self.thickness
 

@@ -67,11 +67,11 @@ def screen_picture(
     from .display import Display
 
     display = display or Display.preset("sRGB")
-    missing = ~np.isfinite(xyz).all(axis=-1)
+    missing = np.any(~np.isfinite(xyz), axis=-1)
     adapted = display.adapt(np.where(missing[..., None], 0.0, exposure * xyz), white)
     rgb = np.array(display.to_rgb(adapted, gamut=gamut).rgb).astype(np.uint8)
     rgb[missing] = 128
-    light = np.asarray(display.linear(adapted))[~missing]
+    light = np.asarray(display.linear(adapted))[np.logical_not(missing)]
     bright, colourful = (np.any(wrong, axis=-1) for wrong in (light > 1 + _SLACK, light < -_SLACK))
     shares = [float(np.mean(wrong)) if wrong.size else 0.0 for wrong in (bright & ~colourful, colourful)]
     return Screen(rgb, *shares)

@@ -59,7 +59,8 @@ class Table:
         if key in self._content:
             return self._content[key]
         if default is _REQUIRED:
-            raise self.error("", f"{key} is missing")
+            near = difflib.get_close_matches(key, self._content, n=1)
+            raise self.error("", f"{key} is missing" + (f"; is {near[0]!r} meant to be it?" if near else ""))
         return default
 
     def table(self, key: str, default: Any = _REQUIRED) -> "Table":
