@@ -98,8 +98,8 @@ def test_gloss_adds_the_reflection_of_the_surface(table, tmp_path, mitsuba):
 
 @pytest.mark.parametrize("name", ["diffuse", "copper", "glaze"])
 def test_pictures_are_those_of_mitsuba(name, mitsuba):
-    case = cases(48, 36)[name]
-    mine, other = ours(case, antialias=12), theirs(case, samples=576)
+    case = cases(32, 24)[name]
+    mine, other = ours(case, antialias=10), theirs(case, samples=484)
     mean, bias = differences(mine, other)
     assert mean < case.limit
     assert abs(bias) < case.limit / 2

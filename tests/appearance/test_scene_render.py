@@ -78,13 +78,11 @@ def test_a_thickness_map_is_where_it_belongs():
         GRID, [Plane("m", size=(2, 2), up=(0, 1, 0))], {"m": material}, [light], camera, width=4, height=4, antialias=1
     )
     picture = render(made, tolerance=1e-5).radiance
-    for row in range(4):
-        for column in range(4):
-            thick = gj.Glaze([gj.Layer(paint("UltramarineBlue"), depths[row // 2, column // 2])], 0.8)
-            x, y = 0.5 * column - 0.75, 0.75 - 0.5 * row
-            viewing = np.rad2deg(np.arctan(np.hypot(x, y) / 10))
-            exact = gj.reflectance(thick, gj.Bidirectional(45.0, viewing)) * np.sqrt(0.5)
-            np.testing.assert_allclose(picture[row, column], exact, atol=2e-5)
+    down, across = np.meshgrid(range(4), range(4), indexing="ij")
+    viewing = np.rad2deg(np.arctan(np.hypot(0.5 * across - 0.75, 0.75 - 0.5 * down) / 10))
+    even = gj.Glaze([gj.Layer(paint("UltramarineBlue"), depths[down // 2, across // 2])], 0.8)
+    exact = gj.reflectance(even, gj.Bidirectional(45.0, viewing)) * np.sqrt(0.5)
+    np.testing.assert_allclose(picture, exact, atol=2e-5)
 
 
 def test_maps_are_bilinear_between_the_middles_of_pixels():
@@ -116,9 +114,13 @@ def still_life(**options):
     return Scene(GRID, shapes, materials, lights, camera, **({"width": 40, "height": 30, "antialias": 3} | options))
 
 
-def test_adaptive_rays_are_close_to_many_rays_everywhere():
-    made = still_life(background=0.3)
-    few, many = render(made), render(made, adaptive=False)
+@pytest.fixture(scope="module")
+def rendered():
+    return render(still_life(background=0.3))
+
+
+def test_adaptive_rays_are_close_to_many_rays_everywhere(rendered):
+    few, many = rendered, render(still_life(background=0.3), adaptive=False)
     difference = np.abs(few.radiance - many.radiance).mean(axis=-1)
     assert np.isfinite(few.radiance).all()
     assert difference.mean() < 0.003 * many.radiance.mean()
@@ -126,9 +128,8 @@ def test_adaptive_rays_are_close_to_many_rays_everywhere():
     assert few.report.rays < 0.75 * many.report.rays
 
 
-def test_only_what_is_in_view_is_prepared():
-    made = still_life()
-    report = render(made).report
+def test_only_what_is_in_view_is_prepared(rendered):
+    made, report = still_life(), rendered.report
     # The sphere behind the camera is seen by no mirror either, being small; then its material is not prepared.
     alone = render(replace(made, shapes=[made.shapes[0], made.shapes[5]])).report
     assert alone.materials == 1
@@ -236,8 +237,7 @@ def test_measured_lamps(tmp_path):
         lamp_on_bands(np.arange(300.0, 800.0, 10), np.zeros(50), GRID)
 
 
-def test_pictures_and_spectra_are_written(tmp_path):
-    rendered = render(still_life())
+def test_pictures_and_spectra_are_written(tmp_path, rendered):
     save_spectral(tmp_path / "a.npz", rendered)
     with np.load(tmp_path / "a.npz") as stored:
         np.testing.assert_allclose(stored["radiance"], rendered.radiance, rtol=1e-6)
@@ -252,9 +252,8 @@ def test_pictures_and_spectra_are_written(tmp_path):
         save_spectral(tmp_path / "a.txt", rendered)
 
 
-def test_spectra_in_openexr(tmp_path):
+def test_spectra_in_openexr(tmp_path, rendered):
     OpenEXR = pytest.importorskip("OpenEXR")
-    rendered = render(still_life(width=8, height=6))
     save_spectral(tmp_path / "a.exr", rendered)
     with OpenEXR.File(str(tmp_path / "a.exr"), separate_channels=True) as file:
         channels = file.channels()
