@@ -128,6 +128,18 @@ def test_through_jit_vmap_and_slopes(deep):
         assert slope == pytest.approx(float((total(*high) - total(*low)) / 2e-5), rel=1e-5)
 
 
+def test_slopes_at_the_ends(deep):
+    """Normal incidence and no coat at all are ends of the table, and common: their slopes are whole."""
+
+    def total(x):
+        return jnp.sum(deep.reflectance_factor(x[0], 0.8, x[1] * 1e-6))
+
+    slopes = jax.jit(jax.grad(total))
+    for at in ([1.0, 12.0], [0.7, 0.0]):
+        end, inside = np.array(at), np.array(at) - np.array([1e-7 * (at[0] == 1), -1e-6 * (at[1] == 0)])
+        np.testing.assert_allclose(slopes(end), slopes(inside), rtol=1e-3)
+
+
 def test_slopes_by_the_paint(table):
     """A table refilled for a glaze that JAX traces: like a difference of two whole solutions."""
 

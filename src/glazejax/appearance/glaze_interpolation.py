@@ -18,7 +18,7 @@ from ..media import Glaze
 from ..radiative.fresnel import cos_refracted, dielectric_reflectance
 from ..spectra import Grid, Numbers, as_float_array
 from .glaze_solve import fixed_thickness, indices, on_grid, on_nodes
-from .nodes import Range, lagrange, product, stretch
+from .nodes import Range, held, lagrange, product, stretch
 
 # Numbers held at once by the interpolation.
 _CHUNK_NUMBERS = 2**22
@@ -130,7 +130,7 @@ def evaluate(table: GlazeTable, flat: Any, points: Any, xp: ModuleType) -> Any:
         xp: numpy or jax.numpy, as the arrays are.
     """
     count = points.shape[1]
-    a, b = (xp.clip(points[k], r.low, r.high) for k, r in enumerate(table.ranges[:2]))
+    a, b = (held(points[k], span, xp) for k, span in enumerate(table.ranges[:2]))
     along = [_angle_weights(table, axis, c, xp) for axis, c in enumerate((a, b))]
     weights = (along[0][:, :, None] * along[1][:, None, :]).reshape(count, -1)
     if table.thickness.shape[0] > 1:
@@ -172,5 +172,5 @@ def _thickness_weights(table: GlazeTable, depth: Any, xp: ModuleType) -> Any:
     """Lagrange's polynomials of the thickness nodes, (points, nodes)."""
     span = table.ranges[2]
     ends = [stretch(xp.asarray(end, depth.dtype), span, xp) for end in (span.low, span.high)]
-    x = stretch(xp.clip(depth, span.low, span.high), span, xp)
+    x = stretch(held(depth, span, xp), span, xp)
     return lagrange(x, ends[0], ends[1], table.thickness.shape[0], xp)

@@ -52,6 +52,11 @@ def coefficients_from_nodes(count: int) -> Float[np.ndarray, "coefficients nodes
     return matrix
 
 
+def held(x: Any, span: Range, xp: ModuleType) -> Any:
+    """x, moved to the ends of the range from beyond; unlike clip, with its full slope at the ends themselves."""
+    return xp.where(x < span.low, span.low, xp.where(x > span.high, span.high, x))
+
+
 def stretch(depth: Any, span: Range, xp: ModuleType) -> Any:
     """Coordinate in which the reflectance is nearly a polynomial: log(1 + sqrt(curvature d/high)), softened at 0."""
     soft = _SOFT * span.high
