@@ -61,6 +61,9 @@ def scene(
         found = _resized(found, size)
     typer.echo(f"scene  {file}: {describe(found)}")
     rendered = _render(found, spectral is not None)
+    if rendered.done == 0:
+        typer.echo("stopped before the first pixel: nothing is written", err=True)
+        raise typer.Exit(_INTERRUPTED)
     _write(found, rendered, out, spectral)
     files = str(out) if spectral is None else f"{out} and {spectral}"
     typer.echo(f"wrote  {files} in {time.perf_counter() - started:.1f} s")

@@ -148,7 +148,12 @@ def test_bands_that_no_screen_can_show_are_left_out():
     assert 25 < keep.sum() < 38
     assert keep[5:30].all()
     part, full = render(made, spectral=False), render(made)
-    assert part.radiance.shape[-1] == keep.sum()
+    assert part.values.shape[-1] == 3
+    assert part.wavelengths.size == part.report.bands == keep.sum()
+    with pytest.raises(ValueError, match="no spectra"):
+        save_spectral("a.npz", part)
+    with pytest.raises(ValueError, match="spectral=True for another"):
+        picture_xyz(part, grid, 10)
     exact = picture_xyz(full, grid)
     assert np.abs(picture_xyz(part, grid) - exact).max() < 1 / (12.92 * 255)
 
@@ -271,6 +276,7 @@ def test_spectra_in_openexr(tmp_path, rendered):
         ({"shapes": [Sphere("none")]}, "material 'none'"),
         ({"width": 0}, "width must be a whole number from 1 to 20000, not 0"),
         ({"background": np.ones(3)}, "background has shape"),
+        ({"background": np.nan}, "background holds nan"),
         ({"materials": {"m": Lambert(np.ones(3))}, "shapes": [Sphere("m")]}, "reflectance of material 'm' has shape"),
         ({"materials": {"m": Lambert(-0.5)}, "shapes": [Sphere("m")]}, "holds -0.5"),
     ],

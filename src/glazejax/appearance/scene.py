@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
-from ..spectra import Grid, Numbers, validate_wavelengths
+from ..spectra import Grid, Numbers, concrete, validate_wavelengths
 from .raycast_shapes import Geometry, make_geometry
 from .scene_materials import Conductor, Glazed, Lambert, Material, Phong
 
@@ -305,6 +305,9 @@ class Scene:
                 raise ValueError(
                     f"the spectrum of a {what} has shape {np.shape(spectrum)}, but there are {bands} bands"
                 )
+            known = concrete(spectrum)
+            if known is not None and not np.all((known >= 0) & np.isfinite(known)):
+                raise ValueError(f"the spectrum of a {what} holds {np.min(known):g}; it must be finite and 0 or more")
 
     def geometry(self) -> Geometry:
         """Shapes as arrays for the ray caster."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from ..colour import CIE_1931, colour_weights
+from ..colour import CIE_1931, colour_weights, find_observer
 from ..spectra import Grid, Numbers
 from .scene_render import Rendered
 
@@ -25,10 +25,15 @@ def picture_xyz(rendered: Rendered, wavelengths: Grid, observer: str | int = CIE
         rendered: picture.
         wavelengths: (all bands,), of the scene.
         observer: see `glazejax.colour.find_observer`.
+
+    Raises:
+        ValueError: another observer than that of a picture without spectra.
     """
-    # Weights of the whole grid: bands left out count as dark.
-    weights = colour_weights(wavelengths, "E", observer)[rendered.bands]
-    return rendered.radiance @ weights
+    if rendered.spectral:
+        return rendered.radiance @ colour_weights(wavelengths, "E", observer)[rendered.bands]
+    if find_observer(observer) != CIE_1931:
+        raise ValueError(f"a picture without spectra is for the {CIE_1931}: render it with spectral=True for another")
+    return rendered.values
 
 
 def light_white(spectrum: Numbers, wavelengths: Grid, observer: str | int = CIE_1931) -> Float[np.ndarray, "3"]:
@@ -88,7 +93,7 @@ def save_spectral(path: str | Path, rendered: Rendered) -> None:
     """Write spectra: ``.npz`` with ``radiance`` and ``wavelengths``, or ``.exr`` with a channel for each band.
 
     Raises:
-        ValueError: another ending, or OpenEXR is not there.
+        ValueError: another ending, a picture without spectra, or OpenEXR is not there.
 
     Notes:
         Channels are called ``S0.550,000000nm``. 1 is a perfect white under a light of spectrum 1. Source of the

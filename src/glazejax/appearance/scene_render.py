@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..spectra import describe_grid
+from ..colour import CIE_1931, colour_weights
 from .raycast import TILE, Lamps, Level, lamps, trace
 from .raycast_shade import lit_pairs, pixels_from_samples, radiance
 from .raycast_shapes import Geometry
@@ -32,21 +32,35 @@ _FLOOR = 0.05
 
 @dataclass(frozen=True)
 class Rendered:
-    """A picture as spectra.
+    """A picture as spectra, or as XYZ where spectra were not asked for; NaN where it was interrupted.
 
     Attributes:
-        radiance: (h, w, bands); 1 is a perfect white under a light of spectrum 1. NaN where it was interrupted.
+        values: (h, w, bands), spectra: 1 is a perfect white under a light of spectrum 1; or (h, w, 3), XYZ by the
+            CIE 1931 observer: Y = 1 is a perfect white under a light of luminance 1.
+        spectral: which of the two.
         wavelengths: (bands,), nm, of the bands computed.
         bands: (all bands,), which bands of the scene these are.
         done: share of the picture that is finished; 1 unless interrupted.
         report: what was computed and what was not.
     """
 
-    radiance: Float[np.ndarray, "h w bands"]
+    values: Float[np.ndarray, "h w channels"]
+    spectral: bool
     wavelengths: Float[np.ndarray, "bands"]
     bands: Bool[np.ndarray, "all"]
     done: float
     report: "Report"
+
+    @property
+    def radiance(self) -> Float[np.ndarray, "h w bands"]:
+        """Spectra.
+
+        Raises:
+            ValueError: only XYZ was kept.
+        """
+        if not self.spectral:
+            raise ValueError("this picture has no spectra: render it with spectral=True")
+        return self.values
 
 
 @dataclass
@@ -103,7 +117,8 @@ def render(
 
     Args:
         scene: what there is.
-        spectral: compute all bands; otherwise only those that a picture on a screen can show.
+        spectral: compute and keep all bands; otherwise only those that a picture on a screen can show, of which
+            nothing but XYZ is kept, so that a large picture needs little memory.
         adaptive: several rays only where neighbouring pixels differ; otherwise for all pixels.
         tolerance: absolute error wanted of a glaze's reflectance factor.
         progress: told how far it is.
@@ -119,6 +134,8 @@ class _Work:
 
     def __init__(self, scene: Scene, spectral: bool, adaptive: bool, tolerance: float, progress: Progress):
         keep = np.ones(np.size(scene.wavelengths), bool) if spectral else needed_bands(scene)
+        # Weights of the whole grid: bands left out count as dark.
+        self.weights = None if spectral else colour_weights(scene.wavelengths, "E", CIE_1931)[keep]
         self.bands, self.scene = keep, scene.only_bands(keep)
         self.adaptive, self.tolerance, self.progress = adaptive, tolerance, progress
         self.geometry: Geometry = self.scene.geometry()
@@ -138,7 +155,7 @@ class _Work:
         """All passes."""
         scene = self.scene
         pixels = np.arange(scene.width * scene.height)
-        image = np.full((pixels.size, int(self.bands.sum())), np.nan)
+        image = np.full((pixels.size, int(self.bands.sum()) if self.weights is None else 3), np.nan)
         finished = 0.0
         try:
             each = 1 if self.adaptive else scene.antialias
@@ -170,8 +187,10 @@ class _Work:
         scale = self.full * self.report.pixels
         self.report.rays_full = max(int(scale * self.sight.rays_a_sample), self.report.rays)
         self.report.pairs_full = self.report.rays_full * len(self.places.point)
+        image = image.reshape(scene.height, scene.width, -1)
         return Rendered(
-            image.reshape(scene.height, scene.width, -1),
+            image,
+            self.weights is None,
             np.asarray(scene.wavelengths, float),
             self.bands,
             finished,
@@ -218,7 +237,8 @@ class _Work:
             self.report.rays += sum(len(level.material) for level in levels)
             self.report.pairs += sum(lit_pairs(level, np.arange(len(level.material)))[0].size for level in levels)
             samples = radiance(levels, self.prepared, lights, background)
-            image[tile.pixels] = np.asarray(pixels_from_samples(samples, tile.each**2))
+            found = np.asarray(pixels_from_samples(samples, tile.each**2))
+            image[tile.pixels] = found if self.weights is None else found @ self.weights
             tile.levels = None
         self.progress(end, "computing spectra")
 
@@ -248,7 +268,7 @@ def _differing(values: np.ndarray) -> Bool[np.ndarray, "h w"]:
 
 
 def _contrasting(image: np.ndarray) -> Bool[np.ndarray, "h w"]:
-    """Pixels whose mean over the bands differs strongly from that of a neighbour."""
+    """Pixels whose mean over bands, or XYZ, differs strongly from that of a neighbour."""
     level = np.nan_to_num(image.mean(axis=-1))
     out = np.zeros(level.shape, bool)
     for down, across in ((0, 1), (1, 0), (1, 1), (1, -1)):
@@ -266,8 +286,3 @@ def _neighbours(shape: tuple[int, int], down: int, across: int) -> tuple[tuple[s
     first = (slice(0, rows - down), slice(max(-across, 0), columns - max(across, 0)))
     second = (slice(down, rows), slice(max(across, 0), columns - max(-across, 0)))
     return first, second
-
-
-def describe_bands(rendered: Rendered) -> str:
-    """Grid of a picture in a few words."""
-    return describe_grid(rendered.wavelengths)
