@@ -107,9 +107,8 @@ def _weigh(
     task: Task, pool: Pool, measured: Measured, names: tuple[str, ...], opaque: bool, keep: int
 ) -> Identification:
     """Probabilities of all candidates and of none, and the best candidates in full."""
-    nothing = log_none(measured.readings, task.noise.sd(measured.readings), task.wavelengths) + np.log(
-        task.prior.unknown
-    )
+    nothing = log_none(measured.readings, task.noise.sd(measured.readings), task.wavelengths)
+    nothing = task.discrepancy.trust * nothing + np.log(task.prior.unknown)
     weight = np.where(np.isfinite(pool.log_weight), pool.log_weight, -np.inf)
     total = logsumexp(np.concatenate([weight, nothing[:, None]], axis=1), axis=1)
     probability = np.exp(weight - np.asarray(total)[:, None])

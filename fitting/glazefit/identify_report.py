@@ -51,7 +51,8 @@ def print_identification(found: Identification, console: Console, top: int, deta
 
 def _verdict(found: Identification, row: int) -> str:
     if not found.explained[row]:
-        return f"Nothing in the catalogue explains this: probability {found.none[row]:.0%}."
+        words = found.unexplained(row)
+        return f"{words[0].upper()}{words[1:]}."
     best = found.ranked(row, 1)[0]
     return f"Most probable: {best.words}. That none of these paints explain it: {found.none[row]:.1%}."
 

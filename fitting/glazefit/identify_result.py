@@ -65,6 +65,10 @@ def percent(fraction: float) -> str:
     return f"{value:.{digits}f} %"
 
 
+POOR_FIT = 0.06
+"""Root mean square of a residual above which a film explains nothing."""
+
+
 @dataclass(frozen=True)
 class Pool:
     """Candidates of some spectra, not yet compared; three places each, filled up with `NOBODY`."""
@@ -133,8 +137,12 @@ class Identification:
 
     @property
     def explained(self) -> np.ndarray:
-        """Whether some film of the catalogue's paints is more probable than none, (spectra,)."""
-        return self.none < 0.5
+        """Whether some film of the catalogue's paints is more probable than none, and fits, (spectra,).
+
+        Probabilities compare hypotheses; they do not say that the best of them is good. A residual above `POOR_FIT`
+        is larger than those of nine in ten films that were left out of the fit (`benchmarks/identification.py`).
+        """
+        return (self.none < 0.5) & (self.rmse[:, 0] <= POOR_FIT)
 
     @property
     def fractions(self) -> Float[np.ndarray, "spectra candidates 3"]:
@@ -206,11 +214,14 @@ class Identification:
         best = self.ranked(row, 1)[0]
         name = self.measured.names[row]
         if not self.explained[row]:
-            return (
-                f"{name}: nothing in the catalogue explains this (probability {self.none[row]:.0%}); the nearest is "
-                f"{best.words}, RMSE {best.rmse:.4f}"
-            )
+            return f"{name}: {self.unexplained(row)}; the nearest is {best.words}, RMSE {best.rmse:.4f}"
         return f"{name}: {best.words} (probability {best.probability:.0%})"
+
+    def unexplained(self, row: int) -> str:
+        """Why nothing explains a spectrum."""
+        if self.none[row] >= 0.5:
+            return f"nothing in the catalogue explains this (probability {self.none[row]:.0%})"
+        return f"nothing in the catalogue explains this (every film misses it by more than {POOR_FIT:g})"
 
     @classmethod
     def join(cls, parts: Sequence["Identification"]) -> "Identification":

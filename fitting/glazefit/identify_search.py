@@ -200,7 +200,8 @@ def _refit(task: Task, pool: Pool, readings: np.ndarray, ground: jax.Array) -> P
     size = (pool.members != NOBODY).sum(axis=-1)
     share = np.asarray([-np.inf, *(task.log_set(n) for n in range(1, task.max_paints + 1))])
     # What was struck out stays so.
-    weight = np.where(np.isfinite(pool.log_weight), np.asarray(fitted.log_evidence) + share[size], -np.inf)
+    evidence = task.discrepancy.trust * np.asarray(fitted.log_evidence)
+    weight = np.where(np.isfinite(pool.log_weight), evidence + share[size], -np.inf)
     logs = np.where(pool.members == NOBODY, -np.inf, np.asarray(fitted.logs))
     spread = np.where(absent_pairs(pool.members), 0.0, np.asarray(fitted.covariance))
     return replace(pool, logs=logs, covariance=spread, log_weight=weight, readings=np.asarray(fitted.readings))
@@ -233,7 +234,7 @@ def _pool(
         np.pad(where, room),
         np.pad(np.asarray(fitted.logs), room, constant_values=-np.inf),
         np.pad(np.asarray(fitted.covariance), (*room, (0, 3 - size))),
-        np.asarray(fitted.log_evidence) + task.log_set(size) + log_share,
+        task.discrepancy.trust * np.asarray(fitted.log_evidence) + task.log_set(size) + log_share,
         np.asarray(fitted.readings),
     )
 
