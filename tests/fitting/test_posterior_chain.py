@@ -114,6 +114,7 @@ def test_stuck_or_tiny_chain_has_not_converged():
     assert "too few" in convergence(tiny, tiny.free).words()
 
 
+@pytest.mark.slow
 def test_resumed_chain_equals_the_uninterrupted_one(tmp_path):
     whole = posterior_of_bands(film(), steps=60, path=tmp_path / "whole.h5", **SHORT)
     posterior_of_bands(film(), steps=24, path=tmp_path / "part.h5", **SHORT)

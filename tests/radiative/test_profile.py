@@ -34,6 +34,7 @@ def test_a_constant_profile_is_a_homogeneous_layer(method):
     assert np.max(np.abs(found - expected)) < 1e-4
 
 
+@pytest.mark.slow
 def test_both_methods_and_many_slices_agree():
     z = (np.arange(200) + 0.5) / 200 * DEPTH
     k, s = absorption(z), np.asarray(scattering(z))
@@ -43,6 +44,7 @@ def test_both_methods_and_many_slices_agree():
         assert found == pytest.approx(float(slices), abs=2e-5), method
 
 
+@pytest.mark.slow
 def test_samples_agree_and_tend_to_two_layers():
     # Linear between samples: a step over one interval of many is almost two layers.
     k, s = [1e4] * 16 + [4e4] * 16, [9e4] * 16 + [1e4] * 16

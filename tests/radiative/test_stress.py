@@ -178,7 +178,7 @@ def test_single_precision(shared_reference, tmp_path):
         assert np.max(np.abs(found - truth[name])) < 2e-4, name
 
 
-@pytest.mark.parametrize("index", [1.5, "array"])
+@pytest.mark.parametrize("index", [1.5, pytest.param("array", marks=pytest.mark.slow)])
 def test_compiled_programs_hold_no_lapack_call(index):
     q, d, g, ci, cv = (jnp.asarray(a) for a in random_cases(2000))
 
