@@ -68,7 +68,10 @@ def scene(
     files = str(out) if spectral is None else f"{out} and {spectral}"
     typer.echo(f"wrote  {files} in {time.perf_counter() - started:.1f} s")
     if rendered.done < 1:
-        typer.echo(f"stopped: {rendered.done:.0%} of the picture is finished, the rest is grey", err=True)
+        words = f"{rendered.done:.0%} of the picture is finished, the rest is grey"
+        if rendered.done > 0.99:
+            words = "every pixel is there, but not all edges and highlights are smooth"
+        typer.echo(f"stopped: {words}", err=True)
         raise typer.Exit(_INTERRUPTED)
 
 
