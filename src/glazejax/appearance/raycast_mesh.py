@@ -17,7 +17,9 @@ if TYPE_CHECKING:
     from .scene import Mesh
 
 # Triangles of a leaf; all of them are tried in every step.
-_LEAF = 4
+_LEAF = 2
+# Rays that walk in step.
+_BLOCK = 256
 
 
 class Triangles(NamedTuple):
@@ -125,12 +127,45 @@ def nearest_triangle(
 
     Source: T. Möller, B. Trumbore, Journal of Graphics Tools 2 (1997) 21, for the single triangle.
     """
+    # Rays that miss everything go last; small blocks then end with their own last ray rather than with that of all.
+    enter, leave = _through(jnp.asarray(triangles.low[0]), jnp.asarray(triangles.high[0]), origin, _slope(direction))
+    misses = ~((limit > 0) & (enter <= leave) & (leave >= 0) & (enter < limit))
+    order = jnp.argsort(misses, stable=True)
+    reach = jnp.where(misses, -1.0, limit)
+    blocks = -(-origin.shape[0] // _BLOCK)
+    fill = blocks * _BLOCK - origin.shape[0]
+    rays = [
+        jnp.pad(a[order], ((0, fill), *(((0, 0),) * (a.ndim - 1))), mode="edge") for a in (origin, direction, reach)
+    ]
+    rays = [a.reshape(blocks, _BLOCK, *a.shape[1:]) for a in rays]
+    found = jax.lax.map(lambda block: _walk(triangles, *block), tuple(rays))
+    back = jnp.argsort(order)
+    best: Array = found[0].reshape(-1)[back]
+    return jnp.where(misses, limit, best), found[1].reshape(-1)[back]
+
+
+def _slope(direction: Array) -> Array:
+    """One over the direction; a ray along an axis gets a slope that is tiny but not zero, so that no 0/0 can arise."""
+    return 1.0 / jnp.where(jnp.abs(direction) < 1e-30, 1e-30, direction)
+
+
+def _through(low: Array, high: Array, origin: Array, slope: Array) -> tuple[Array, Array]:
+    """Distances at which rays enter and leave boxes; coordinates on the last axis."""
+    ends = [[(side[..., k] - origin[..., k]) * slope[..., k] for side in (low, high)] for k in range(3)]
+    near, far = [jnp.minimum(a, b) for a, b in ends], [jnp.maximum(a, b) for a, b in ends]
+    enter = jnp.maximum(jnp.maximum(near[0], near[1]), near[2])
+    leave = jnp.minimum(jnp.minimum(far[0], far[1]), far[2])
+    return enter, leave * (1 + 1e-12)
+
+
+def _walk(triangles: Triangles, origin: Array, direction: Array, limit: Array) -> tuple[Array, Array]:
+    """One block of rays through the tree, in step."""
     nodes = len(triangles.skip)
-    low, high = jnp.asarray(triangles.low), jnp.asarray(triangles.high)
-    first, count, skip = (jnp.asarray(a, jnp.int32) for a in (triangles.first, triangles.held, triangles.skip))
-    corner, edge1, edge2 = (jnp.asarray(a) for a in (triangles.corner, triangles.edge1, triangles.edge2))
-    # A ray along an axis gets a slope that is tiny but not zero, so that no 0/0 can arise.
-    slope = 1.0 / jnp.where(jnp.abs(direction) < 1e-30, 1e-30, direction)
+    # Side by side, so that one look-up gets all.
+    boxes = jnp.concatenate([jnp.asarray(a) for a in (triangles.low, triangles.high)], axis=1)
+    links = jnp.stack([jnp.asarray(a, jnp.int32) for a in (triangles.first, triangles.held, triangles.skip)], axis=1)
+    corners = jnp.concatenate([jnp.asarray(a) for a in (triangles.corner, triangles.edge1, triangles.edge2)], axis=1)
+    slope = _slope(direction)
 
     def walking(state: tuple[Array, Array, Array]) -> Array:
         return jnp.any(state[0] < nodes)
@@ -138,38 +173,46 @@ def nearest_triangle(
     def step(state: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
         node, best, which = state
         here = jnp.minimum(node, nodes - 1)
-        a, b = (low[here] - origin) * slope, (high[here] - origin) * slope
-        enter = jnp.max(jnp.minimum(a, b), axis=-1)
-        leave = jnp.min(jnp.maximum(a, b), axis=-1)
-        inside = (node < nodes) & (enter <= leave * (1 + 1e-12)) & (leave >= 0) & (enter < best)
+        box, link = boxes[here], links[here]
+        first, held, skip = link[:, 0], link[:, 1], link[:, 2]
+        enter, leave = _through(box[:, :3], box[:, 3:], origin, slope)
+        inside = (node < nodes) & (enter <= leave) & (leave >= 0) & (enter < best)
         for k in range(_LEAF):
-            trial = inside & (k < count[here])
-            t = jnp.where(trial, first[here] + k, 0)
-            met = _distance(corner[t], edge1[t], edge2[t], origin, direction)
+            trial = inside & (k < held)
+            t = jnp.where(trial, first + k, 0)
+            met = _distance(corners[t], origin, direction)
             closer = trial & (met > 0) & (met < best)
             best, which = jnp.where(closer, met, best), jnp.where(closer, t, which)
-        onward = jnp.where(inside & (count[here] == 0), here + 1, skip[here])
+        onward = jnp.where(inside & (held == 0), here + 1, skip)
         return jnp.where(node < nodes, onward, node), best, which
 
     start = jnp.where(limit > 0, 0, nodes).astype(jnp.int32)
-    state = (start, limit, jnp.full(limit.shape, -1, jnp.int32))
-    _, best, which = jax.lax.while_loop(walking, step, state)
+    _, best, which = jax.lax.while_loop(walking, step, (start, limit, jnp.full(limit.shape, -1, jnp.int32)))
     return best, which
 
 
-def _distance(corner: Array, edge1: Array, edge2: Array, origin: Array, direction: Array) -> Array:
-    """Distance of one triangle for each ray; infinite where missed or edge-on."""
-    across = jnp.cross(direction, edge2)
-    volume = jnp.sum(edge1 * across, axis=-1)
+def _distance(triangle: Float[Array, "rays 9"], origin: Array, direction: Array) -> Array:
+    """Distance of one triangle (corner and two edges) for each ray; infinite where missed or edge-on."""
+    # Coordinate by coordinate: sums over an axis of three run much slower.
+    corner, edge1, edge2 = (tuple(triangle[:, k + j] for j in range(3)) for k in (0, 3, 6))
+    way = tuple(direction[:, k] for k in range(3))
+    offset = tuple(origin[:, k] - corner[k] for k in range(3))
+    across, other = _cross(way, edge2), _cross(offset, edge1)
+    volume = _dot(edge1, across)
     flat = volume == 0
     scale = 1.0 / jnp.where(flat, 1.0, volume)
-    offset = origin - corner
-    u = scale * jnp.sum(offset * across, axis=-1)
-    other = jnp.cross(offset, edge1)
-    v = scale * jnp.sum(direction * other, axis=-1)
+    u, v = scale * _dot(offset, across), scale * _dot(way, other)
     # Neighbours overlap by rounding, so that no ray slips between them.
     hit = ~flat & (u >= -1e-9) & (v >= -1e-9) & (u + v <= 1 + 1e-9)
-    return jnp.where(hit, scale * jnp.sum(edge2 * other, axis=-1), jnp.inf)
+    return jnp.where(hit, scale * _dot(edge2, other), jnp.inf)
+
+
+def _cross(a: tuple[Array, ...], b: tuple[Array, ...]) -> tuple[Array, ...]:
+    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+def _dot(a: tuple[Array, ...], b: tuple[Array, ...]) -> Array:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def triangle_surface(
