@@ -28,7 +28,7 @@ from glazejax.appearance.scene_lights import lamp, lamp_on_bands, measured_lamp
 from glazejax.appearance.scene_picture import light_white, picture_xyz, save_png, save_spectral, screen_picture
 from glazejax.appearance.scene_render import render
 from glazejax.appearance.scene_seen import needed_bands
-from glazejax.radiative.fresnel import dielectric_reflectance
+from glazejax.radiative.fresnel import conductor_reflectance, dielectric_reflectance
 
 GRID = np.arange(400.0, 701.0, 30.0)
 
@@ -54,6 +54,27 @@ def test_a_flat_glaze_is_the_solver_at_the_angles_of_the_scene(incidence, viewin
     made = render(flat(Glazed(glaze, gloss=False), light, camera), tolerance=1e-5).radiance[0, 0]
     exact = gj.reflectance(glaze, gj.Bidirectional(incidence, viewing)) * np.cos(a) * light.spectrum
     np.testing.assert_allclose(made, exact, atol=1e-5)
+
+
+def test_highlights_are_where_the_vectors_say():
+    # One pixel of a plane, with the paper's vectors worked out one by one.
+    light = ParallelLight((0.5, 0.3, -1.0), np.linspace(0.5, 1.0, GRID.size))
+    camera = Camera((0.4, 0.5, 1.0), up=(0, 1, 0), field_of_view=0.01)
+    normal = np.array([0.0, 0.0, 1.0])
+    towards = -np.array([0.5, 0.3, -1.0]) / np.linalg.norm([0.5, 0.3, -1.0])
+    view = np.array([0.4, 0.5, 1.0]) / np.linalg.norm([0.4, 0.5, 1.0])
+    half = (towards + view) / np.linalg.norm(towards + view)
+    body = np.linspace(0.2, 0.6, GRID.size)
+    mirrored = 2 * (normal @ view) * normal - view
+    shiny = (body * (normal @ towards) + 0.7 * (mirrored @ towards) ** 8) * light.spectrum
+    made = render(flat(Phong(body, 0.7, 8.0), light, camera)).radiance[0, 0]
+    np.testing.assert_allclose(made, shiny, rtol=1e-6)
+    facing = np.exp(-np.log(2) * (np.arccos(half @ normal) / np.deg2rad(25)) ** 2)
+    hidden = min(1, *(2 * (normal @ half) * (normal @ x) / (view @ half) for x in (view, towards)))
+    fresnel = conductor_reflectance(view @ half, 0.3, 3.0)
+    rough = facing * hidden * fresnel / (normal @ view) * light.spectrum
+    made = render(flat(Conductor(0.3, 3.0, 25.0), light, camera)).radiance[0, 0]
+    np.testing.assert_allclose(made, rough, rtol=1e-6)
 
 
 def test_gloss_adds_the_mirrored_surroundings():
