@@ -127,10 +127,13 @@ class Indexed(NamedTuple):
     below: float
 
 
-def simulate_fluxes(paint: Indexed, cos_incidence: float, paths: int, seed: int = 0) -> np.ndarray:
+def simulate_fluxes(
+    paint: Indexed, cos_incidence: float, paths: int, seed: int = 0, exits: list | None = None
+) -> np.ndarray:
     """Shares of a beam's flux that come back and that go through, with standard errors, (2, 2).
 
-    What the outer surface reflects at once is not in it. Surfaces between layers reflect and refract by chance.
+    What the outer surface reflects at once is not in it. Surfaces between layers reflect and refract by chance. To
+    ``exits`` each step's paths that come back are added: weights and directions in the air.
     """
     rng = np.random.default_rng(seed)
     n = np.concatenate([[1.0], paint.refractive_index, [paint.below]])
@@ -164,6 +167,8 @@ def simulate_fluxes(paint: Indexed, cos_incidence: float, paths: int, seed: int 
         depth = np.where(crosses, np.where(down, 0.0, paint.optical_thickness[entered - 1]), depth)
         for side, left in enumerate((medium == 0, medium == last + 1)):
             flux[side, index[left]] += weight[left]
+            if exits is not None and side == 0:
+                exits.append((weight[left], direction[left]))
         weak = weight < 0.05
         survives = ~weak | (rng.random(index.size) < 0.2)
         weight = np.where(weak, weight * 5.0, weight)

@@ -13,6 +13,8 @@ from glazejax.radiative.manyflux_media import Media, Pieces, common_directions, 
 
 # Moments whose weighed square is below this share of the tolerance change nothing that is scattered twice or more.
 _MOMENT_SHARE = 0.03
+# The same for azimuth modes: a mode that is left out is missed once, a moment in all modes.
+_MODE_SHARE = 0.3
 THICKEST = 1e6
 """Layers whose thickness is traced may be this thick."""
 
@@ -77,7 +79,8 @@ def choose_effort(
     kept = kept if streams is None else min(kept, 2 * streams)
     directions, least = _directions(media, _rounded(sizes[:kept]), tolerance, streams, least_cosine)
     count = doublings(THICKEST if thickest is None else thickest, least)
-    return Effort(directions, kept, kept if azimuthal else 1, count if solution == "doubling" else None)
+    modes = int(np.flatnonzero(twice[:kept] > _MODE_SHARE * tolerance).max(initial=0)) + 1 if azimuthal else 1
+    return Effort(directions, kept, modes, count if solution == "doubling" else None)
 
 
 def _directions(

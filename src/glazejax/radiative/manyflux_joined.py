@@ -45,6 +45,10 @@ class Joined(NamedTuple):
     slab: Slab
     """From air to the medium below, or to the ground, which is not yet in it."""
     ground: Bordered | None
+    faces: Slab
+    """The surfaces, air first, as the leading axis."""
+    coats: Slab
+    """The layers between them."""
     flux: Float[Array, "n"]
     """n^2 mu w of the nodes."""
     outside: np.ndarray
@@ -114,7 +118,8 @@ def joined_stack(
     surfaces, through = _surfaces(indices, nodes, seen, lit, modes)
     count = len(media.layers)
     upper: Slab = jax.tree.map(lambda leaf: leaf[:count], surfaces)
-    slab = join_all(join(upper, slab_of_layer(reflection, loss)))
+    coats = slab_of_layer(reflection, loss)
+    slab = join_all(join(upper, coats))
     ground = None
     if media.below is None:
         last = [jnp.sqrt(jnp.asarray(common.flux * exists[-1], dtype)) / indices[-1]]
@@ -136,7 +141,8 @@ def joined_stack(
         _passing(through, indices[inner], count, downward),
     )
     corners = [c[..., size:, size:] for c in (even, odd)]
-    return Joined(slab, ground, jnp.asarray(common.flux, dtype), exists[0], exists[-1], once, *corners)
+    flux = jnp.asarray(common.flux, dtype)
+    return Joined(slab, ground, surfaces, coats, flux, exists[0], exists[-1], once, *corners)
 
 
 def factor(joined: Joined, azimuth: Array, modes: int, *, downward: bool = False) -> Float[Array, "v i k"]:

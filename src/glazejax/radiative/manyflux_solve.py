@@ -32,7 +32,7 @@ class Layers(NamedTuple):
     ground: Float[Array, ""]
 
 
-class _Scene(NamedTuple):
+class Scene(NamedTuple):
     """Directions and scattering of a stack, delta-M scaled."""
 
     cosines: Diagonal
@@ -44,21 +44,27 @@ class _Scene(NamedTuple):
     odd: Array
 
 
-def _scene(layers: Layers, index, cos_viewing: Array, cos_incidence: Array, effort: Effort, modes: int) -> _Scene:
+def scene_of(
+    layers: Layers, index, cos_viewing: Array, cos_incidence: Array, effort: Effort, modes: int, *, inside: bool = False
+) -> Scene:
+    """Directions and scattering; cosines are outside, those of viewing inside the paint if ``inside``."""
     dtype = layers.albedo.dtype
     rule = effort.directions
     assert not isinstance(rule, Pieces), "media of several indices are joined elsewhere"
     found = spread_directions(index, rule) if isinstance(rule, Spread) else half_range(index, rule)
     mu, weights, reflectance = (jnp.asarray(a, dtype) for a in found)
-    viewing, incidence = (cos_refracted(c, index) for c in (cos_viewing, cos_incidence))
+    viewing = cos_viewing if inside else cos_refracted(cos_viewing, index)
+    incidence = cos_refracted(cos_incidence, index)
+    back = _reflected_back(viewing, index) if inside else dielectric_reflectance(cos_viewing, index)
     albedo, thickness, moments = delta_m(layers.albedo, layers.optical_thickness, layers.moments, effort.kept)
     terms = moments.shape[-1]
     tables = [associated_legendre(c, modes, terms) for c in (mu, viewing, incidence)]
     even, odd = scattering(moments, tables[0], tables[1], tables[2], jnp.sqrt(weights))
-    return _Scene(
+    entering = dielectric_reflectance(cos_incidence, index)
+    return Scene(
         Diagonal(mu, viewing, incidence),
         Diagonal(jnp.sqrt(mu * weights), jnp.sqrt(viewing), jnp.sqrt(incidence)),
-        Diagonal(reflectance, dielectric_reflectance(cos_viewing, index), dielectric_reflectance(cos_incidence, index)),
+        Diagonal(reflectance, back, entering),
         albedo,
         thickness,
         even,
@@ -66,12 +72,19 @@ def _scene(layers: Layers, index, cos_viewing: Array, cos_incidence: Array, effo
     )
 
 
-def _outside(scene: _Scene, ground: Array, effort: Effort, modes: int) -> Bordered:
+def _outside(scene: Scene, ground: Array, effort: Effort, modes: int) -> Bordered:
     """Reflection as seen from outside, (modes, ...)."""
     a, b = rates(scene.albedo[:, None], scene.even, scene.odd, scene.cosines)
     reflection, loss = layer_operators(a, b, scene.thickness[:, None], effort)
     below = lambert(ground, scene.roots, modes, scene.albedo.dtype)
     return under_surface(stack_reflection(reflection, loss, below), scene.surface)
+
+
+def _reflected_back(cosines: Array, index) -> Array:
+    """Fresnel's reflectance of the surface for light from inside, total beyond the critical angle."""
+    squared = 1.0 - index**2 * (1.0 - cosines**2)
+    outside = jnp.sqrt(jnp.select([squared > 0], [squared], 1.0))
+    return jnp.select([squared > 0], [dielectric_reflectance(outside, index)], 1.0)
 
 
 def layer_operators(a: Bordered, b: Bordered, thickness: Array, effort: Effort) -> tuple[Bordered, Bordered]:
@@ -95,7 +108,7 @@ def reflectance_factor(
     often (Nakajima and Tanaka, J. Quant. Spectrosc. Radiat. Transfer 40 (1988) 51, their TMS).
     """
     modes = effort.modes
-    scene = _scene(layers, index, cos_viewing, cos_incidence, effort, modes)
+    scene = scene_of(layers, index, cos_viewing, cos_incidence, effort, modes)
     outside = _outside(scene, layers.ground, effort, modes)
     waves = jnp.cos(np.arange(modes)[:, None] * azimuth) * np.where(np.arange(modes) == 0, 1.0, 2.0)[:, None]
     all_light = jnp.einsum("mvi,mk->vik", outside.corner, waves, precision="highest")
@@ -106,7 +119,7 @@ def reflectance_factor(
     return factor + _missing(scene, layers, index, azimuth, waves)
 
 
-def _missing(scene: _Scene, layers: Layers, index, azimuth: Array, waves: Array) -> Array:
+def _missing(scene: Scene, layers: Layers, index, azimuth: Array, waves: Array) -> Array:
     viewing, incidence, count = scene.cosines.viewing, scene.cosines.incidence, scene.cosines.nodes.size
     shape = (layers.albedo.size, viewing.size, incidence.size)
     through = (1.0 - scene.surface.viewing[:, None]) * (1.0 - scene.surface.incidence) / index**2
@@ -128,7 +141,7 @@ def hemispherical_reflectance(
     layers: Layers, index: float | Float[Array, ""], cos_incidence: Float[Array, "i"], effort: Effort
 ) -> Float[Array, "i"]:
     """Flux that leaves over flux of a collimated beam, for each direction of incidence."""
-    scene = _scene(layers, index, cos_incidence[:0], cos_incidence, effort, 1)
+    scene = scene_of(layers, index, cos_incidence[:0], cos_incidence, effort, 1)
     outside = _outside(scene, layers.ground, effort, 1)
     return jnp.einsum("n,ni->i", scene.roots.nodes, outside.columns[0]) / scene.roots.incidence
 
@@ -136,7 +149,7 @@ def hemispherical_reflectance(
 def diffuse_reflectance(layers: Layers, index: float | Float[Array, ""], effort: Effort) -> Float[Array, ""]:
     """Flux that leaves over flux of light of equal radiance from all directions outside."""
     nothing = layers.albedo[:0]
-    scene = _scene(layers, index, nothing, nothing, effort, 1)
+    scene = scene_of(layers, index, nothing, nothing, effort, 1)
     outside = _outside(scene, layers.ground, effort, 1)
     # Only the cone of refraction is lit: its flux is 1/n^2 of that of all directions inside.
     return 2.0 * index**2 * jnp.einsum("i,ij,j->", scene.roots.nodes, outside.core[0], scene.roots.nodes)

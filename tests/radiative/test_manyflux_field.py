@@ -1,0 +1,53 @@
+"""The field inside: at the faces it is what goes in and comes out, in between flux is kept."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from glazejax.radiative.fresnel import cos_refracted, dielectric_reflectance
+from glazejax.radiative.manyflux import manyflux_hemispherical_reflectance, manyflux_reflectance_factor
+from glazejax.radiative.manyflux_field import manyflux_field
+from glazejax.radiative.phase import henyey_greenstein
+
+PHASE = henyey_greenstein(np.array([0.6, -0.3]), 8)
+
+
+@pytest.mark.parametrize("solution", ["doubling", pytest.param("modes", marks=pytest.mark.slow)])
+def test_field_meets_the_outside(solution):
+    """Just below the surface the upward light is what is seen outside; on the ground it is the ground's."""
+    stack = [0.9, 0.7], [0.4, 1.1], 0.5
+    given: dict[str, Any] = {"phase": PHASE, "cos_incidence": 0.7, "streams": 8}
+    seen = float(cos_refracted(0.6, 1.5))
+    field = manyflux_field(
+        *stack, depth=[0.0, 0.4, 0.8, 1.5], cos_direction=[seen, 0.2], azimuth=[0.0, 130.0], solution=solution, **given
+    )
+    outside = manyflux_reflectance_factor(*stack, cos_viewing=0.6, azimuth=np.array([0.0, 130.0]), **given)
+    out = (1 - dielectric_reflectance(0.6, 1.5)) / 1.5**2
+    np.testing.assert_allclose(out * field.up[0, 0], outside, atol=1e-12)
+    np.testing.assert_allclose(field.up[-1], 0.5 * field.flux_down[-1], atol=1e-12)
+    np.testing.assert_allclose(field.flux_up[-1], 0.5 * field.flux_down[-1], atol=1e-12)
+    entered = 1 - dielectric_reflectance(0.7, 1.5)
+    np.testing.assert_allclose(field.beam, entered * np.exp(-np.array([0, 0.4, 0.8, 1.5]) / cos_refracted(0.7, 1.5)))
+    # What goes in and does not come back is what flows down at the top.
+    reflected = manyflux_hemispherical_reflectance(*stack, **given)
+    np.testing.assert_allclose(field.flux_down[0] - field.flux_up[0], entered - reflected, atol=1e-12)
+    assert np.all(np.diff(field.flux_down - field.flux_up) < 0)
+
+
+@pytest.mark.slow
+def test_no_flux_is_lost_without_absorption():
+    field = manyflux_field(
+        [1.0, 1.0], [0.4, 30.0], 0.3, depth=[0.0, 0.2, 5.0, 30.4], cos_direction=[0.5], phase=PHASE, streams=8
+    )
+    net = np.asarray(field.flux_down - field.flux_up)
+    np.testing.assert_allclose(net, net[0], atol=1e-11)
+
+
+def test_errors_name_the_value():
+    with pytest.raises(ValueError, match="depth holds 2"):
+        manyflux_field([0.5], [1.0], 0.3, depth=[2.0], cos_direction=[0.5])
+    with pytest.raises(ValueError, match=r"the field is that of one stack; here are \(2,\)"):
+        manyflux_field([[0.5], [0.6]], [1.0], 0.3, depth=[0.5], cos_direction=[0.5])
+    with pytest.raises(ValueError, match="for one refractive index"):
+        manyflux_field([0.5, 0.5], [1.0, 1.0], 0.3, depth=[0.5], cos_direction=[0.5], refractive_index=(1.5, 1.4))  # pyright: ignore[reportArgumentType]
