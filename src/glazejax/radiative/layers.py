@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Array, Bool
 
 from glazejax.radiative.kernels import tanh_sech, two_decays
+from glazejax.radiative.linalg import product
 from glazejax.radiative.modes import Modes
 
 # Modes slower than this take the form that is even in kappa; no beam (decay >= 1) resonates with them.
@@ -137,7 +138,7 @@ def by_albedo(
         here = Fields(near, far, fields.flux)
         return jnp.sum(load_work(ports, here), axis=-1) - stored(ports, here) + ports.direct
 
-    rows = jnp.concatenate([modes.coupling[:, :, None], fields.near, fields.far], axis=2) @ turning
+    rows = product(jnp.concatenate([modes.coupling[:, :, None], fields.near, fields.far], axis=2), turning)
     point = (albedo, modes.decay_squared, modes.coupling, fields.near, fields.far)
     change = (jnp.ones_like(albedo), -(modes.coupling**2), rows[:, :, 0], rows[:, :, 1:3], rows[:, :, 3:])
     return jax.jvp(work, point, change)[1]

@@ -35,7 +35,7 @@ from jaxtyping import Array
 from glazejax.radiative.directions import Directions, Resolution, half_range
 from glazejax.radiative.fresnel import cos_refracted, dielectric_reflectance
 from glazejax.radiative.layers import Beams, Fields, Ports, two_ports
-from glazejax.radiative.linalg import inverse_positive, transposed
+from glazejax.radiative.linalg import inverse_positive, product, transposed
 from glazejax.radiative.modes import Modes, layer_modes
 
 # More pairs of layers than this are eliminated in a loop, which runs a little slower but compiles once.
@@ -176,13 +176,13 @@ def _outermost(ends: Ends, layer: _Layer) -> tuple[Array, Array]:
     diagonal = jnp.stack([jnp.broadcast_to(d, (batch, n)) for d in diagonals[:halves]])
     seen = jnp.sum(vectors[0] * jnp.broadcast_to(ends.ground_vector, (batch, n))[..., None], axis=-2)
     ground = ends.ground_factor[:, None] * seen
-    impedance = transposed(vectors) @ (diagonal[..., None] * vectors)
+    impedance = product(transposed(vectors), diagonal[..., None] * vectors)
     from_ground = ends.ground_light[..., None] * ground[:, None]
     coupled = ground[..., :, None] * seen[..., None, :]
     if halves == 1:
         return impedance - coupled, from_ground[None]
     nothing = jnp.zeros_like(coupled)
-    from_above = ends.interface_load @ vectors[1]
+    from_above = product(ends.interface_load, vectors[1])
     return impedance - jnp.stack([coupled, nothing]), jnp.stack([from_ground, from_above])
 
 
@@ -190,8 +190,8 @@ def _next(half: _Half, layer: _Layer) -> tuple[Array, Array]:
     """Scaled impedance r Y^T Z Y r and source r Y^T s of a half in the modes of its next layer."""
     vectors = layer.vectors * layer.scale[..., None, :]
     n = vectors.shape[-1]
-    rows = jnp.concatenate([half.impedance, half.source], axis=-2) @ vectors
-    return transposed(vectors) @ rows[..., :n, :], rows[..., n:, :]
+    rows = product(jnp.concatenate([half.impedance, half.source], axis=-2), vectors)
+    return product(transposed(vectors), rows[..., :n, :]), rows[..., n:, :]
 
 
 def _eliminate(impedance: Array, source: Array, layer: _Layer) -> tuple[_Half, Array, _Memory]:
@@ -205,28 +205,28 @@ def _eliminate(impedance: Array, source: Array, layer: _Layer) -> tuple[_Half, A
     # (I + Z T)^-1 in a symmetric scaling: exact for an empty layer, and small where T is large.
     inverse = inverse_positive(identity + layer.thickness[..., None, None] * impedance)
     # Vectors ride along as further rows of a matrix product: every product costs a dispatch.
-    rows = jnp.concatenate([impedance, source], axis=-2) @ inverse
+    rows = product(jnp.concatenate([impedance, source], axis=-2), inverse)
     admittance, passed = rows[..., :n, :], rows[..., n:, :]
     far = layer.far / layer.scale[..., None, :]
-    answer = passed + far @ admittance
+    answer = passed + product(far, admittance)
     gain = layer.thickness[..., None] * source[..., 1, :] * passed[..., 0, :]
     gain -= passed[..., 1, :] * far[..., 0, :] + far[..., 1, :] * answer[..., 0, :]
     through = layer.sech / layer.scale
     outward = through[..., :, None] * admittance * through[..., None, :] + _diagonal(layer.restoring)
     rows = jnp.concatenate([outward, layer.near + through[..., None, :] * answer], axis=-2)
-    rows = rows @ transposed(layer.vectors)
-    half = _Half(layer.vectors @ rows[..., :n, :], rows[..., n:, :])
+    rows = product(rows, transposed(layer.vectors))
+    half = _Half(product(layer.vectors, rows[..., :n, :]), rows[..., n:, :])
     return half, jnp.sum(gain, axis=(0, -1)), _Memory(inverse, admittance, source, passed)
 
 
 def _recover(sigma: Array, layer: _Layer, memory: _Memory) -> tuple[Array, Fields]:
     """From sigma at a layer's near face (halves, batch, 2, n) to that at its far face, with the layer's fields."""
-    near = sigma @ layer.vectors
+    near = product(sigma, layer.vectors)
     scale = layer.scale[..., None, :]
     driven = (layer.sech[..., None, :] * near - layer.far) / scale
-    far = scale * ((driven + layer.thickness[..., None, None] * memory.source) @ memory.inverse)
-    flux = (driven @ memory.admittance - memory.passed) / scale
-    return far @ transposed(layer.vectors), Fields(near, far, flux)
+    far = scale * product(driven + layer.thickness[..., None, None] * memory.source, memory.inverse)
+    flux = (product(driven, memory.admittance) - memory.passed) / scale
+    return product(far, transposed(layer.vectors)), Fields(near, far, flux)
 
 
 class Solution(NamedTuple):
@@ -290,7 +290,7 @@ def solve(system: System, *, with_fields: bool) -> tuple[Array, Solution | None]
         middle = (last, memory)
         total += gain
     source = (lower.source + upper.source)[0]
-    sigma = source @ inverse_positive((lower.impedance + upper.impedance)[0])
+    sigma = product(source, inverse_positive((lower.impedance + upper.impedance)[0]))
     reflectance = system.factor * (total + jnp.sum(sigma[:, 0] * source[:, 1], axis=-1))
     if not with_fields:
         return reflectance, None
