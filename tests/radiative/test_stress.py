@@ -63,6 +63,7 @@ def finite(tree) -> bool:
 @example([1.0] * 5, [1e6] * 5, 1.0, 1e-4, 1.0)
 @example([0.0] * 5, [0.0] * 5, 0.0, 1.0, 1.0)
 @example([1 - 1e-15, 1e-300, 1.0, 0.0, 0.5], [1e3, 1e-12, 1e-6, 1e6, 0.0], 1.0, 1e-4, 1e-4)
+@example([0.0, 0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1e-290, 0.0], 0.0, 1e-4, 1e-4)
 def test_any_stack_is_finite_and_conserves_energy(albedo, thickness, ground, ci, cv):
     q, d = jnp.array([albedo]), jnp.array([thickness])
     g, ci, cv = jnp.array([ground]), jnp.array([ci]), jnp.array([cv])

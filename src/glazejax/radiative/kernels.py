@@ -15,6 +15,7 @@ from jaxtyping import Array, Float
 _SERIES_PHI = 0.5
 _SERIES_DECAYS = 0.1
 _SERIES_TANH = 0.02
+_LINEAR = 1e-20
 
 # phi'(x) = sum_k (-1)^(k+1) (k+1)/(k+2)! x^k
 _PHI_SLOPE = (
@@ -91,7 +92,9 @@ def tanh_sech(decay_squared: Float[Array, "..."], depth: Float[Array, "..."]) ->
     faded = jnp.expm1(-kappa * depth)
     fade = 1.0 + faded
     norm = 1.0 / (1.0 + fade * fade)
-    return -faded * (1.0 + fade) * norm / kappa, 2.0 * fade * norm
+    # Where kappa D could underflow the layer is as good as linear.
+    tanh = jnp.where(kappa * depth < _LINEAR, depth, -faded * (1.0 + fade) * norm / kappa)
+    return tanh, 2.0 * fade * norm
 
 
 @tanh_sech.defjvp
