@@ -3,8 +3,8 @@
     python -m benchmarks.gallery [--out FOLDER] [--size WIDTHxHEIGHT]
 
 The glaze is the same everywhere, ultramarine over zinc white; on the canvas its thickness
-follows the strokes of a brush. The scene is computed twice, by daylight and by tungsten light, shown as an eye sees it that
-is half adapted to that light and half to daylight. Writes docs/gallery.png by default.
+follows the strokes of a brush. The scene is computed twice, by daylight and by tungsten light, shown as an eye sees it
+that is half adapted to that light and half to daylight. Writes docs/gallery.png by default.
 """
 
 import argparse

@@ -106,6 +106,8 @@ def check_pigments(pigments: Sequence[Pigment], wavelengths: Float[np.ndarray, "
     for pigment in known:
         if pigment.absorption.ndim != 1 or pigment.scattering.ndim != 1:
             raise ValueError(f"the pigment {pigment.name!r} is a batch; give its members one by one")
+        if pigment.phase is not None:
+            raise ValueError(f"pigment {pigment.name!r} has a phase function; here paint scatters isotropically")
     try:
         return [pigment.resample(wavelengths) for pigment in known]
     except ValueError as error:

@@ -171,6 +171,8 @@ def _listed(pigments: Mapping[str, Pigment] | Sequence[Pigment] | None) -> list[
     for paint in paints:
         if paint.absorption.ndim > 1 or paint.scattering.ndim > 1:
             raise ValueError(f"pigment {paint.name!r} is a batch of {paint.absorption.shape[:-1]}; give one paint")
+        if paint.phase is not None:
+            raise ValueError(f"pigment {paint.name!r} has a phase function; here paint scatters isotropically")
     return paints
 
 

@@ -2,6 +2,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jax.core import Tracer
 
 from glazejax.radiative.phase import (
     check_moments,
@@ -69,3 +70,18 @@ def test_errors_name_the_value():
         tabulated([-1, 1], [1, -1])
     with pytest.raises(ValueError, match=r"holds 1\.5"):
         check_moments([1, 1.5])
+
+
+def test_known_moments_stay_known_under_jit():
+    seen = []
+
+    @jax.jit
+    def f(x):
+        seen.append((henyey_greenstein(0.5, 8), two_term_henyey_greenstein(0.7, -0.2, 0.9, 8)))
+        return x * seen[0][0].sum()
+
+    f(1.0)
+    assert not any(isinstance(moments, Tracer) for moments in seen[0])
+    # The slope by g is not lost by that.
+    slope = jax.jit(jax.grad(lambda g: henyey_greenstein(g, 8)[3]))(0.5)
+    assert slope == pytest.approx(3 * 0.5**2)

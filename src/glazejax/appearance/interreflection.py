@@ -143,9 +143,7 @@ def all_bounces(
     )
 
 
-def _factor(
-    position: Array, extent: Array | float, cosine: Array | float, sine: Array | float
-) -> Float[Array, "..."]:
+def _factor(position: Array, extent: Array | float, cosine: Array | float, sine: Array | float) -> Float[Array, "..."]:
     """Share of what a point at `position` sees that is the other plane, from the joint to `extent`."""
     along, aside = extent * cosine - position, extent * sine
     distance = jnp.sqrt(along**2 + aside**2)

@@ -223,6 +223,8 @@ class Glazed(Material):
 
         glaze = self.glaze
         if glaze.layers:
+            if glaze.phase is not None:
+                raise ValueError("a paint in this glaze has a phase function; scenes take isotropic scattering only")
             grid = glaze.wavelengths[chosen]
             layers = [Layer(layer.medium.resample(grid), layer.thickness) for layer in glaze.layers]
         else:

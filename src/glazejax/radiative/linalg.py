@@ -19,7 +19,7 @@ def product(a: Float[Array, "*batch l m"], b: Float[Array, "*batch m n"]) -> Flo
     """Matrix product of many small matrices."""
     if a.shape[-1] <= _FUSED:
         return jnp.sum(a[..., :, :, None] * b[..., None, :, :], axis=-2)
-    return a @ b
+    return jnp.matmul(a, b, precision="highest")
 
 
 def transposed(a: Float[Array, "*batch n m"]) -> Float[Array, "*batch m n"]:

@@ -7,9 +7,12 @@ scattering. All of `glazejax.radiative.manyflux` takes a phase function as the a
 leading axes are batch axes and may include one for the layers.
 """
 
+from contextlib import AbstractContextManager, nullcontext
+
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, Float
 
 from glazejax.radiative.inputs import Numbers, concrete
@@ -35,7 +38,9 @@ def henyey_greenstein(g: Float[Numbers, "*batch"], terms: int | None = None) -> 
 
     Source: Henyey and Greenstein (1941); paper C, equation (16) with its exponent put right.
     """
-    return jnp.asarray(g, jnp.result_type(float))[..., None] ** np.arange(_terms({"g": g}, terms))
+    orders = np.arange(_terms({"g": g}, terms))
+    with _known_under_jit(g):
+        return jnp.asarray(g, jnp.result_type(float))[..., None] ** orders
 
 
 def two_term_henyey_greenstein(
@@ -58,8 +63,9 @@ def two_term_henyey_greenstein(
     if known is not None and not np.all((known >= 0) & (known <= 1)):
         raise ValueError(f"share holds {np.extract((known < 0) | (known > 1), known)[0]}; it must be in [0, 1]")
     terms = _terms({"forward": forward, "backward": backward}, terms)
-    part = jnp.asarray(share, jnp.result_type(float))[..., None]
-    return part * henyey_greenstein(forward, terms) + (1.0 - part) * henyey_greenstein(backward, terms)
+    with _known_under_jit(forward, backward, share):
+        part = jnp.asarray(share, jnp.result_type(float))[..., None]
+        return part * henyey_greenstein(forward, terms) + (1.0 - part) * henyey_greenstein(backward, terms)
 
 
 def tabulated(
@@ -151,6 +157,12 @@ def delta_m(
     peak = moments[..., kept]
     narrow = (moments[..., :kept] - peak[..., None]) / (1.0 - peak[..., None])
     return albedo * (1.0 - peak) / (1.0 - albedo * peak), (1.0 - albedo * peak) * thickness, narrow
+
+
+def _known_under_jit(*values: Numbers) -> AbstractContextManager:
+    """Computes at once what `jax.jit` would trace although it is known: only known moments tell how many matter."""
+    traced = any(isinstance(value, Tracer) for value in values)
+    return nullcontext() if traced else jax.ensure_compile_time_eval()
 
 
 def _terms(cosines: dict[str, Numbers], terms: int | None) -> int:
