@@ -99,7 +99,7 @@ def ours(case: Case, antialias: int = 16) -> Float[np.ndarray, "h w 3"]:
 
 def theirs(case: Case, samples: int) -> Float[np.ndarray, "h w 3"]:
     """XYZ by Mitsuba."""
-    import mitsuba as mi
+    import mitsuba as mi  # pyright: ignore[reportMissingImports]
 
     from glazejax.appearance.mitsuba_scene import mitsuba_scene
 
@@ -138,7 +138,7 @@ def main() -> None:
     import jax
 
     jax.config.update("jax_enable_x64", True)
-    import mitsuba as mi
+    import mitsuba as mi  # pyright: ignore[reportMissingImports]
 
     results = Results("mitsuba_compare", options.out)
     results(f"Mitsuba {mi.__version__}, {VARIANT}, {options.samples} samples a pixel; glazejax 16 x 16 rays a pixel")

@@ -63,7 +63,7 @@ def read_mesh(
 
 def _trimesh() -> ModuleType:
     try:
-        import trimesh
+        import trimesh  # pyright: ignore[reportMissingImports]
     except ImportError:
         raise ValueError("meshes need trimesh: pip install 'glazejax[scene]'") from None
     return trimesh

@@ -170,7 +170,7 @@ def reflectance_in_mitsuba(
         cos_light, cos_view: cosines of the two angles.
         azimuth: between them, radians.
     """
-    import mitsuba as mi
+    import mitsuba as mi  # pyright: ignore[reportMissingImports]
 
     loaded: Any = mi.load_dict(bsdf)
     sin_view, sin_light = (float(np.sqrt(1 - c**2)) for c in (cos_view, cos_light))

@@ -45,7 +45,7 @@ def mitsuba_scene(
     Raises:
         ValueError: a material that Mitsuba has no counterpart of, or a thickness map.
     """
-    import mitsuba as mi
+    import mitsuba as mi  # pyright: ignore[reportMissingImports]
 
     folder = Path(folder)
     grid = np.asarray(scene.wavelengths, float)
@@ -161,7 +161,7 @@ def _numbers(values: Numbers) -> list[float]:
 
 def _placed(axes: Float[np.ndarray, "3 3"], point: Numbers) -> Any:
     """Transform with the axes as columns and a point as origin."""
-    import mitsuba as mi
+    import mitsuba as mi  # pyright: ignore[reportMissingImports]
 
     matrix = np.eye(4)
     matrix[:3, :3], matrix[:3, 3] = axes, np.asarray(point, float)

@@ -105,7 +105,7 @@ def save_spectral(path: str | Path, rendered: Rendered) -> None:
         np.savez_compressed(path, radiance=radiance, wavelengths=rendered.wavelengths)
         return
     check_spectral(path)
-    import OpenEXR
+    import OpenEXR  # pyright: ignore[reportMissingImports]
 
     channels = {
         f"S0.{wavelength:.6f}nm".replace(".", ",").replace("S0,", "S0."): np.ascontiguousarray(radiance[..., k])
@@ -132,6 +132,6 @@ def check_spectral(path: str | Path) -> None:
         raise ValueError(f"{path}: spectra are written as .npz or .exr, not {ending or 'without an ending'}")
     if ending == ".exr":
         try:
-            import OpenEXR  # noqa: F401
+            import OpenEXR  # noqa: F401  # pyright: ignore[reportMissingImports]
         except ImportError:
             raise ValueError(f"{path}: OpenEXR is not there; pip install 'glazejax[scene]', or write .npz") from None
