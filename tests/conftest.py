@@ -1,5 +1,6 @@
 """Double precision, hypothesis without deadlines (the first call compiles), and shared measured data."""
 
+import gc
 import os
 from pathlib import Path
 
@@ -17,6 +18,20 @@ jax.config.update("jax_compilation_cache_dir", str(Path(__file__).parents[1] / "
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.3)
 hypothesis.settings.register_profile("glazejax", deadline=None, max_examples=50)
 hypothesis.settings.load_profile("glazejax")
+
+
+_MANY_MAPPINGS = 20_000
+"""Of memory by one process; Linux allows 65530, and LLVM, which takes some for each program, crashes beyond."""
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _programs_are_let_go():
+    """Throws compiled programs away before there are too many."""
+    yield
+    mappings = Path("/proc/self/maps")
+    if mappings.exists() and len(mappings.read_bytes().splitlines()) > _MANY_MAPPINGS:
+        jax.clear_caches()
+        gc.collect()
 
 
 def _shared(variable: str, folder: str) -> Path:

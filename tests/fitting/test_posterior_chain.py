@@ -125,6 +125,7 @@ def test_resumed_chain_equals_the_uninterrupted_one(tmp_path):
     np.testing.assert_array_equal(rest.chain.log_probability, whole.chain.log_probability)
 
 
+@pytest.mark.slow
 def test_file_gives_the_chain_that_memory_gives(tmp_path):
     kept = posterior_of_bands(film(), steps=20, path=tmp_path / "c.h5", **SHORT).chain
     held = posterior_of_bands(film(), steps=20, **SHORT).chain

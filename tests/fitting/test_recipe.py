@@ -111,6 +111,7 @@ def test_sensitivity_is_what_a_tenth_more_or_less_does(found):
         assert sensitivity == pytest.approx(np.mean(moved), abs=0.01)
 
 
+@pytest.mark.slow
 def test_one_target_gets_what_it_gets_in_a_batch(found, known):
     alone = find_recipes(spectral_target("known", GRID, known), palette(), count=4)
     assert alone[0].layers == found[0][0].layers

@@ -67,6 +67,7 @@ def test_slopes_are_finite_at_the_ends(table):
     assert np.all(np.isfinite(slopes))
 
 
+@pytest.mark.slow
 def test_reflectance_factor():
     table = film_response(Bidirectional(45, 0), 1.4)
     kd, sd, ground = random_films(100)

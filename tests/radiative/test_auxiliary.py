@@ -173,6 +173,7 @@ SLOPE_THICKNESS = np.array([[0.413, 0.777], [0.22, 0.5137], [0.31, 0.417], [0.13
 SLOPE_ALBEDO = np.array([[0.8, 0.4], [0.3, 0.0], [0.0, 0.0], [1.0, 0.2], [1.0, 1.0]])
 
 
+@pytest.mark.slow
 def test_gradients():
     step = 0.08
     arguments = tuple(map(jnp.asarray, (SLOPE_ALBEDO, SLOPE_THICKNESS, GROUND[:5], INCIDENCE[:5], VIEWING[:5])))

@@ -68,6 +68,7 @@ def test_nothing_is_lost_without_absorption():
     assert np.max(np.abs(flux - (1 - dielectric_reflectance(cosines, 1.5)))) < 1e-12
 
 
+@pytest.mark.slow
 def test_edges_are_finite_and_right():
     edges = list(itertools.product(EDGE_ALBEDO, EDGE_THICKNESS, EDGE_GROUND, EDGE_COSINE[1:]))
     edges = np.array(edges)[np.random.default_rng(0).permutation(len(edges))[:80]]
@@ -83,6 +84,7 @@ def test_edges_are_finite_and_right():
     assert np.max(np.abs(value - other)) < 1e-3
 
 
+@pytest.mark.slow
 def test_gradient_against_differences_and_the_other_method():
     q, d, g, ci, cv = (a[:6] for a in random_cases(6, seed=2))
     q, d = jnp.asarray(np.clip(q[:, :2], 0.1, 0.9)), jnp.asarray(d[:, :2])

@@ -76,7 +76,7 @@ def test_reference_stacks(shared_reference, index, hemispherical):
     assert close(found[3], expected, NOISE / 1e-3), "index"
 
 
-@pytest.mark.parametrize("hemispherical", [False, True])
+@pytest.mark.parametrize("hemispherical", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_ends_of_every_range(hemispherical):
     # Every combination of albedo 0, 1, thickness 0, ground 0, 1 in the upper of two layers.
     q1, d1, g = (a.ravel() for a in np.meshgrid([0.0, 1.0], [0.0, 0.4, 4.0], [0.0, 1.0], indexing="ij"))
@@ -118,7 +118,7 @@ def test_first_trace_of_an_absorbing_layer():
     assert found[0] == pytest.approx(exact, rel=1e-6)
 
 
-@pytest.mark.parametrize("tolerance", [1e-4, 1e-8])
+@pytest.mark.parametrize("tolerance", [pytest.param(1e-4, marks=pytest.mark.slow), 1e-8])
 def test_slope_by_an_index_of_one(tolerance):
     # No neighbour on one side, and a critical angle of infinite slope: the limit from above, to a few percent.
     def f(n):
@@ -138,6 +138,7 @@ def test_conservative_thick_layer():
     assert found > 100
 
 
+@pytest.mark.slow
 def test_forward_mode_reverse_mode_and_second_derivatives_agree():
     q, d, g, ci, cv = (a[:4] for a in random_cases(4))
     f = directional((ci, cv), False)

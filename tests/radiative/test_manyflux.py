@@ -21,7 +21,7 @@ from glazejax.radiative.stack import split_reflectance_factor
 from .cases import CENTRAL, reference_cases
 
 
-@pytest.mark.parametrize("index", [1.0, pytest.param(1.33, marks=pytest.mark.slow), 1.5])
+@pytest.mark.parametrize("index", [*(pytest.param(n, marks=pytest.mark.slow) for n in (1.0, 1.33)), 1.5])
 def test_isotropic_is_the_reference(shared_reference, index):
     c = reference_cases(shared_reference)[index]
     given: dict[str, Any] = {
@@ -89,6 +89,7 @@ def test_thin_layer_scatters_once():
         assert found == pytest.approx(0.7 * p * thickness / (4 * mu_i * mu_v), rel=1e-5)
 
 
+@pytest.mark.slow
 def test_layers_of_equal_paint_join():
     phase = PHASES["two lobes"]
     given: dict[str, Any] = {"phase": phase, "cos_incidence": 0.7, "cos_viewing": 0.5, "azimuth": 30.0, "streams": 8}
@@ -97,6 +98,7 @@ def test_layers_of_equal_paint_join():
     np.testing.assert_allclose(parts, whole, atol=1e-12)
 
 
+@pytest.mark.slow
 def test_slopes():
     """By albedo, thickness, ground and g, against differences; finite where albedo is one and a layer is empty."""
 

@@ -89,6 +89,7 @@ def layers():
     return r, loss, lambert(jnp.asarray(0.7), roots, 2, mu.dtype)
 
 
+@pytest.mark.slow
 def test_slabs_joined_are_the_layers_laid_one_by_one(layers):
     r, loss, ground = layers
     slab = join_all(slab_of_layer(r, loss))

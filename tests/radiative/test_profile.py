@@ -24,7 +24,7 @@ def scattering(z):
     return 8e4 * jnp.exp(-z / 1e-5)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ["ordinates", pytest.param("auxiliary", marks=pytest.mark.slow)])
 def test_a_constant_profile_is_a_homogeneous_layer(method):
     k, s = np.array([[2e4], [0.0], [1e4]]), np.array([[5e4], [9e4], [0.0]])
     given = {"cos_incidence": 0.7, "tolerance": 1e-4}
@@ -58,6 +58,7 @@ def test_samples_agree_and_tend_to_two_layers():
     assert few[0] == pytest.approx(float(few[1]), abs=2e-4)
 
 
+@pytest.mark.slow
 def test_no_thickness_is_a_bare_ground():
     bare = stack_reflectance_factor([0.0], [0.0], 0.6)
     for method in METHODS:

@@ -52,7 +52,7 @@ def test_split_adds_up_and_agrees_between_methods(shared_reference, hemispherica
         assert np.all(one >= -1e-15)
 
 
-@pytest.mark.parametrize("index", [1.0, 1.5])
+@pytest.mark.parametrize("index", [pytest.param(1.0, marks=pytest.mark.slow), 1.5])
 def test_traced_index_agrees_with_known_index(index):
     q, d, ground, ci, cv = random_cases(50)
     given = {"cos_incidence": ci, "cos_viewing": cv, "tolerance": 1e-8}

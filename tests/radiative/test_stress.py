@@ -107,6 +107,7 @@ def test_many_layers(count):
     assert np.allclose(same, one, atol=1e-12, rtol=0)
 
 
+@pytest.mark.slow
 def test_beams_on_nodes_are_nothing_special():
     for index in (1.0, 1.5):
         nodes = half_range(index, resolve_known(1e-6, index))
