@@ -24,7 +24,7 @@ from .candidates import Paints
 from .evidence import Discrepancy, Prior, log_none, model_covariance, noise_covariance
 from .films import Films, Instrument, Noise, cards
 from .identify_inputs import Measured, check_pigments, check_spectra
-from .identify_result import Identification, Pool
+from .identify_result import POOR_FIT, RARE, Identification, Pool
 from .identify_search import CHUNK, Task, first_starts, search_chunk
 from .identify_stacks import Optics
 from .response import film_response
@@ -110,6 +110,8 @@ def _weigh(
     nothing = log_none(measured.readings, task.noise.sd(measured.readings), task.wavelengths)
     nothing = task.discrepancy.trust * nothing + np.log(task.prior.unknown)
     weight = np.where(np.isfinite(pool.log_weight), pool.log_weight, -np.inf)
+    # Few films that were left out of the fit missed by more: what fits badly is improbable beforehand.
+    weight = weight + np.where(_misfit(task, measured, pool) > POOR_FIT, np.log(RARE), 0.0)
     total = logsumexp(np.concatenate([weight, nothing[:, None]], axis=1), axis=1)
     probability = np.exp(weight - np.asarray(total)[:, None])
     present = pool.members[..., None] == np.arange(len(names))
@@ -131,6 +133,12 @@ def _weigh(
         fitted=fitted.reshape(*best.shape, *measured.readings.shape[1:]),
         opaque=opaque,
     )
+
+
+def _misfit(task: Task, measured: Measured, pool: Pool) -> Float[np.ndarray, "spectra candidates"]:
+    """Root mean square of each candidate's residual."""
+    fitted = pool.readings + _gloss(task, measured, pool)[..., None] * task.surface
+    return np.sqrt(np.mean((measured.readings.reshape(len(measured), 1, -1) - fitted) ** 2, axis=-1))
 
 
 def _gloss(task: Task, measured: Measured, pool: Pool) -> Float[np.ndarray, "spectra candidates"]:

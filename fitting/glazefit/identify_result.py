@@ -68,6 +68,9 @@ def percent(fraction: float) -> str:
 POOR_FIT = 0.06
 """Root mean square of a residual above which a film explains nothing."""
 
+RARE = 0.1
+"""Share of films that are missed by more, though their paints are known."""
+
 
 @dataclass(frozen=True)
 class Pool:
@@ -221,7 +224,7 @@ class Identification:
         """Why nothing explains a spectrum."""
         if self.none[row] >= 0.5:
             return f"nothing in the catalogue explains this (probability {self.none[row]:.0%})"
-        return f"nothing in the catalogue explains this (every film misses it by more than {POOR_FIT:g})"
+        return f"nothing in the catalogue explains this (the most probable film misses it by more than {POOR_FIT:g})"
 
     @classmethod
     def join(cls, parts: Sequence["Identification"]) -> "Identification":
