@@ -19,7 +19,7 @@ from glazejax.radiative.inputs import Numbers, check_values, concrete
 from glazejax.radiative.manyflux_bordered import Diagonal, diagonal
 from glazejax.radiative.manyflux_call import Stack, Wish, prepare
 from glazejax.radiative.manyflux_effort import Effort, Solution
-from glazejax.radiative.manyflux_phase import rates
+from glazejax.radiative.manyflux_phase import azimuth_waves, rates
 from glazejax.radiative.manyflux_solve import Layers, layer_operators, scene_of
 from glazejax.radiative.manyflux_stack import Slab, join, join_all, lambert, slab_of_layer, stack_reflection
 
@@ -104,7 +104,7 @@ def _field(layers: Layers, depths: Array, axes: tuple[Array, Array], lit: Array,
     surface = jax.tree.map(lambda x: jnp.broadcast_to(x, (modes, *x.shape)), scene.surface)
     passing = diagonal(Diagonal(*(1.0 - r for r in surface)))
     face = Slab(diagonal(surface).scaled(0.0), diagonal(surface), passing, passing)
-    waves = jnp.cos(np.arange(modes)[:, None] * azimuth) * np.where(np.arange(modes) == 0, 1.0, 2.0)[:, None]
+    waves = azimuth_waves(azimuth, modes)
     unit = 2.0 * scene.roots.viewing[:, None] * scene.roots.incidence
 
     def at(depth: Array) -> Field:

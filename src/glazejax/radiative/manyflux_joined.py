@@ -22,7 +22,7 @@ from glazejax.radiative.manyflux_bordered import Bordered, Diagonal, diagonal
 from glazejax.radiative.manyflux_effort import Effort
 from glazejax.radiative.manyflux_ground import GroundTable, ground_operator
 from glazejax.radiative.manyflux_media import Media, Pieces, common_directions, in_medium, interface_reflectance
-from glazejax.radiative.manyflux_phase import associated_legendre, rates, scattering
+from glazejax.radiative.manyflux_phase import associated_legendre, azimuth_waves, rates, scattering
 from glazejax.radiative.manyflux_single import Once, missing_once
 from glazejax.radiative.manyflux_solve import Layers, layer_operators
 from glazejax.radiative.manyflux_stack import Slab, join, join_all, slab_of_layer
@@ -151,7 +151,7 @@ def factor(joined: Joined, azimuth: Array, modes: int, *, downward: bool = False
     What goes straight through, or is mirrored by a surface inside, is not in it.
     """
     operator = joined.slab.down if downward else joined.reflection
-    waves = jnp.cos(np.arange(modes)[:, None] * azimuth) * np.where(np.arange(modes) == 0, 1.0, 2.0)[:, None]
+    waves = azimuth_waves(azimuth, modes)
     all_light = 0.5 * jnp.einsum("mvi,mk->vik", operator.corner, waves, precision="highest")
     return all_light + missing_once(joined.once, joined.even, joined.odd, azimuth, waves, downward=downward)
 

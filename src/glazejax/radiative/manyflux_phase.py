@@ -52,6 +52,17 @@ def associated_legendre(
     return jnp.moveaxis(found, 0, -2)
 
 
+def azimuth_waves(azimuth: Float[Array, "k"], modes: int) -> Float[Array, "modes k"]:
+    """What the modes of radiance are summed with: cos(m azimuth), twice that from m = 1 on.
+
+    Args:
+        azimuth: radians, (k,).
+        modes: number of orders m.
+    """
+    m = np.arange(modes)[:, None]
+    return jnp.cos(m * azimuth) * np.where(m == 0, 1.0, 2.0)
+
+
 def scattering(
     moments: Float[Array, "*batch terms"],
     nodes: Float[Array, "*batch modes terms n"],

@@ -42,7 +42,7 @@ def missing_once(
         once: stack and ways.
         even, odd: scattering between the directions as kept, from `manyflux_phase.scattering`.
         azimuth: radians.
-        waves: cos(m azimuth), twice that from m = 1 on.
+        waves: from `manyflux_phase.azimuth_waves`.
         downward: whether the light leaves below.
     """
     kept = (even + odd if downward else even - odd) * once.scaled_albedo[:, None, None, None]

@@ -6,7 +6,6 @@ Everything here is for one stack and is mapped over batches by `manyflux`.
 from typing import NamedTuple
 
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
 from glazejax.radiative.directions import half_range
@@ -17,7 +16,7 @@ from glazejax.radiative.manyflux_effort import Effort
 from glazejax.radiative.manyflux_layer import layer_by_doubling
 from glazejax.radiative.manyflux_media import Pieces
 from glazejax.radiative.manyflux_modes import layer_by_modes
-from glazejax.radiative.manyflux_phase import associated_legendre, rates, scattering
+from glazejax.radiative.manyflux_phase import associated_legendre, azimuth_waves, rates, scattering
 from glazejax.radiative.manyflux_single import Once, missing_once
 from glazejax.radiative.manyflux_stack import lambert, stack_reflection, under_surface
 from glazejax.radiative.phase import delta_m
@@ -110,7 +109,7 @@ def reflectance_factor(
     modes = effort.modes
     scene = scene_of(layers, index, cos_viewing, cos_incidence, effort, modes)
     outside = _outside(scene, layers.ground, effort, modes)
-    waves = jnp.cos(np.arange(modes)[:, None] * azimuth) * np.where(np.arange(modes) == 0, 1.0, 2.0)[:, None]
+    waves = azimuth_waves(azimuth, modes)
     all_light = jnp.einsum("mvi,mk->vik", outside.corner, waves, precision="highest")
     viewing, incidence = scene.roots.viewing[:, None], scene.roots.incidence
     factor = all_light / (2.0 * index**2 * viewing * incidence)[..., None]
