@@ -23,11 +23,10 @@ from glazejax.radiative.manyflux_call import (
     diffuse,
     factors,
     fluxes,
-    least_cosine,
     prepare,
     tables,
 )
-from glazejax.radiative.manyflux_effort import Solution
+from glazejax.radiative.manyflux_effort import Solution, smallest_cosine
 from glazejax.radiative.manyflux_ground import GroundTable
 
 
@@ -158,7 +157,7 @@ def brdf_table(
         if np.ndim(values) != 1:  # pyright: ignore[reportArgumentType]
             raise ValueError(f"{name} must be one axis of angles, such as [1.0, 0.5], for a table; it is {values}")
     check_values({name: axes[name] for name in ("cos_incidence", "cos_viewing")})
-    least = least_cosine(cos_incidence, cos_viewing)
+    least = smallest_cosine(cos_incidence, cos_viewing)
     stack = Stack(albedo, optical_thickness, substrate_reflectance, phase, refractive_index, ground)
     call = prepare(stack, Wish(tolerance, streams, solution), {}, 0.0, least=least)
     dtype = call.layers.albedo.dtype

@@ -11,7 +11,7 @@ from jaxtyping import Array
 
 from glazejax.radiative import manyflux_joined, manyflux_solve
 from glazejax.radiative.inputs import Numbers, at_least_one_layer, batch_shape, check_tolerance, check_values, concrete
-from glazejax.radiative.manyflux_effort import Effort, Solution, choose_effort
+from glazejax.radiative.manyflux_effort import Effort, Solution, choose_effort, smallest_cosine
 from glazejax.radiative.manyflux_ground import GroundTable
 from glazejax.radiative.manyflux_media import Media
 from glazejax.radiative.manyflux_solve import Layers
@@ -19,8 +19,6 @@ from glazejax.radiative.phase import check_moments, isotropic
 
 # Bytes of one chunk's matrices.
 _CHUNK_BYTES = 2**22
-# A cosine that is traced may be as small as this.
-_LEAST_COSINE = 1e-4
 
 Indices = float | Sequence[float]
 
@@ -121,18 +119,12 @@ def prepare(
         known,
         terms,
         None if thickest is None else float(thickest.max(initial=0.0)),
-        least_cosine(*cosines.values()) if least is None else least,
+        smallest_cosine(*cosines.values()) if least is None else least,
         wish.streams,
         azimuthal=azimuth is not None,
         solution=wish.solution,
     )
     return Call(layers, flat, stack.ground, Options(media, effort, downward), batch)
-
-
-def least_cosine(*cosines: Any) -> float:
-    """Smallest known cosine; one that is traced may be as small as 1e-4."""
-    found = [concrete(c) for c in cosines]
-    return float(min((_LEAST_COSINE if c is None else c.min(initial=1.0) for c in found), default=1.0))
 
 
 def _media(stack: Stack, count: int) -> float | Media:

@@ -11,13 +11,16 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from glazejax.radiative.inputs import Numbers, concrete
-from glazejax.radiative.manyflux_effort import THICKEST, Effort, choose_effort, effort_for_indices
+from glazejax.radiative.manyflux_effort import (
+    THICKEST,
+    Effort,
+    choose_effort,
+    effort_for_indices,
+    smallest_cosine,
+)
 from glazejax.radiative.manyflux_solve import Layers, hemispherical_reflectance, reflectance_factor
 from glazejax.radiative.ordinates import Stack
 from glazejax.radiative.resolution import resolve
-
-# A traced cosine may be as small as this; below it the first, thin layer is no longer thin.
-_LEAST_COSINE = 1e-4
 
 
 def resolve_effort(
@@ -38,8 +41,7 @@ def resolve_effort(
     """
     known = concrete(optical_thickness)
     thickest = THICKEST if known is None else float(known.max(initial=0.0))
-    values = [concrete(c) for c in cosines if c is not None]
-    least = min(_LEAST_COSINE if c is None else float(c.min(initial=1.0)) for c in values)
+    least = smallest_cosine(*cosines)
     if fixed is None:
         return effort_for_indices(resolve(tolerance, *indices), *indices, thickest, least)
     return choose_effort(tolerance, fixed, None, 1, thickest, least, None, azimuthal=False)
