@@ -13,6 +13,12 @@ from jaxtyping import Array, Float
 from glazejax.radiative.manyflux_bordered import Bordered, Diagonal
 
 
+def sine(cosine: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+    """Sine of an angle with that cosine; its slope, infinite at normal incidence, is taken as zero there."""
+    squared = jnp.maximum(1.0 - cosine * cosine, 0.0)
+    return jnp.sqrt(jnp.where(squared > 0, squared, 1.0)) * (squared > 0)
+
+
 def associated_legendre(
     cosines: Float[Array, "*batch n"], modes: int, terms: int
 ) -> Float[Array, "*batch modes terms n"]:
@@ -25,14 +31,12 @@ def associated_legendre(
     Source: Dave and Armstrong, J. Quant. Spectrosc. Radiat. Transfer 10 (1970) 557: upward in l it is stable.
     """
     mu = jnp.asarray(cosines)[..., None, :]
-    squared = jnp.maximum(1.0 - mu * mu, 0.0)
-    # The slope of the root at mu = 1 is infinite; a beam at normal incidence counts as fixed.
-    sine = jnp.sqrt(jnp.where(squared > 0, squared, 1.0)) * (squared > 0)
+    sines = sine(mu)
     m = np.arange(modes)
     steps = np.sqrt((2 * m[1:] - 1) / (2 * m[1:]))
-    start = [jnp.ones_like(sine)]
+    start = [jnp.ones_like(sines)]
     for factor in steps:
-        start.append(start[-1] * sine * factor)
+        start.append(start[-1] * sines * factor)
     sectoral = jnp.concatenate(start, axis=-2)  # Lambda_m^m, (..., modes, n)
     degree = np.arange(terms)[:, None]
     above = degree > m

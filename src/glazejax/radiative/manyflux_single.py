@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from glazejax.radiative.kernels import decay_integral, two_decays
+from glazejax.radiative.manyflux_phase import sine
 from glazejax.radiative.phase import evaluate
 
 
@@ -70,9 +71,3 @@ def _lengths(once: Once, seen: Array, lit: Array, downward: bool) -> Array:
     after = jnp.sum(out, axis=0) - jnp.cumsum(out, axis=0)
     faded = [jnp.expm1(-x) for x in (into, out)]
     return jnp.exp(-before - after) * two_decays(1.0 / lit, 1.0 / seen, depth, *faded)
-
-
-def sine(cosine: Array) -> Array:
-    """Sine of an angle with that cosine; its infinite slope at normal incidence is taken as zero."""
-    squared = jnp.maximum(1.0 - cosine * cosine, 0.0)
-    return jnp.sqrt(jnp.where(squared > 0, squared, 1.0)) * (squared > 0)
