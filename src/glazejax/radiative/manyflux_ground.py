@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 
 from glazejax.radiative.inputs import Numbers, concrete
 from glazejax.radiative.manyflux_bordered import Bordered, Diagonal
+from glazejax.radiative.manyflux_stack import lambert
 
 _RECIPROCAL = 1e-3
 
@@ -84,14 +85,13 @@ def ground_operator(
         roots: sqrt(mu w) of these there, over whatever the operators are scaled with.
         modes: number of azimuth modes; the result has them as its leading axis.
     """
-    rows = jnp.concatenate([roots.nodes, roots.viewing])
-    columns = jnp.concatenate([roots.nodes, roots.incidence])
     dtype = roots.nodes.dtype
     if table is None:
-        means = jnp.ones((1, rows.size, columns.size), dtype)
-    else:
-        ways = [_between(table.cosines, jnp.concatenate([cosines.nodes, c])) for c in cosines[1:]]
-        means = jnp.einsum("vs,mst,it->mvi", ways[0], table.modes.astype(dtype), ways[1], precision="highest")[:modes]
+        return lambert(reflectance, roots, modes, dtype)
+    rows = jnp.concatenate([roots.nodes, roots.viewing])
+    columns = jnp.concatenate([roots.nodes, roots.incidence])
+    ways = [_between(table.cosines, jnp.concatenate([cosines.nodes, c])) for c in cosines[1:]]
+    means = jnp.einsum("vs,mst,it->mvi", ways[0], table.modes.astype(dtype), ways[1], precision="highest")[:modes]
     body = 2.0 * reflectance * rows[:, None] * columns * means
     spare = modes - body.shape[0]
     return Bordered(
