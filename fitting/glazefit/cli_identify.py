@@ -238,7 +238,7 @@ def _ground(text: str, wavelengths: "np.ndarray") -> "np.ndarray":
     """Reflectance of the ground on the grid of the spectra."""
     import numpy as np
 
-    from glazejax.io import read_spectra
+    from glazejax.io import read_sample
     from glazejax.spectra import resample
 
     try:
@@ -250,16 +250,8 @@ def _ground(text: str, wavelengths: "np.ndarray") -> "np.ndarray":
             fix = f", which looks like percent: write {level / 100:g}" if 1 < level <= 100 else ""
             raise ValueError(f"--ground is {text}; reflectance lies between 0 and 1{fix}")
         return np.full(wavelengths.shape, level)
-    name, sample = text, ""
-    if not Path(text).exists() and ":" in text:
-        name, _, sample = text.rpartition(":")
-    if not Path(name).exists():
-        raise FileNotFoundError(f"--ground {text!r} is neither a number from 0 to 1, such as 0.9, nor a file")
-    table = read_spectra(name)
-    if not sample and len(table) > 1:
-        raise ValueError(f"{name} holds {len(table)} spectra: choose one, such as --ground {name}:{table.names[0]}")
-    row = _rows(Path(name), table.names, [sample] if sample else [])[0]
-    return np.asarray(resample(table.wavelengths, table.reflectance[row], wavelengths))
+    table = read_sample(text, argument="--ground")
+    return np.asarray(resample(table.wavelengths, table.reflectance[0], wavelengths))
 
 
 def _run(task: _Spectra, paints: "list[Pigment]", options: dict[str, Any]) -> "tuple[Identification, bool]":

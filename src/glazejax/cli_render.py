@@ -295,32 +295,21 @@ def _ground(text: str, media: "list[Pigment | Mixture]") -> _Bed:
 
 def _read_ground(text: str) -> "tuple[np.ndarray, np.ndarray, str, list[str]]":
     """Wavelengths, reflectance, words and notes of a ground in a file."""
-    from .io import read_spectra
+    from .io import read_sample
+    from .io.sample import split_sample
 
-    name, sample = text, ""
-    if not Path(text).exists() and ":" in text:
-        name, _, sample = text.rpartition(":")
-    if not Path(name).exists():
-        raise FileNotFoundError(f"--substrate {text!r} is neither a number from 0 to 1, such as 0.9, nor a file")
-    table = read_spectra(name)
-    if not sample and len(table) > 1:
-        some = ", ".join(table.names[:4]) + (", ..." if len(table) > 4 else "")
-        raise ValueError(
-            f"{name} holds {len(table)} spectra: choose one, as {name}:{table.names[0]} (there are {some})"
-        )
-    if sample and sample not in table.names:
-        raise ValueError(f"{name} holds no spectrum {sample!r}; there are {', '.join(table.names[:6])}")
-    sample = sample or table.names[0]
-    spectrum = table[sample]
+    path, _ = split_sample(text)
+    table = read_sample(text, argument="--substrate")
+    sample, spectrum = table.names[0], table.reflectance[0]
     if spectrum.max() > 1:
         worst = int(spectrum.argmax())
         raise ValueError(
-            f"{name}: {sample!r} reflects {spectrum[worst]:.3g} at {table.wavelengths[worst]:g} nm; a ground "
+            f"{path}: {sample!r} reflects {spectrum[worst]:.3g} at {table.wavelengths[worst]:g} nm; a ground "
             "reflects 1 at most: scale the spectrum"
         )
-    notes = [f"{name}: {note}" for note in table.notes]
+    notes = [f"{path}: {note}" for note in table.notes]
     notes.append("the ground's spectrum is taken as its reflectance seen from inside the paint, not from air")
-    return table.wavelengths, spectrum, f"{sample} ({Path(name).name}, mean {spectrum.mean():.2f})", notes
+    return table.wavelengths, spectrum, f"{sample} ({path.name}, mean {spectrum.mean():.2f})", notes
 
 
 def _remarks(used: "Mapping[str, Pigment]") -> list[tuple[str, str]]:

@@ -68,7 +68,8 @@ def test_ground_must_be_a_reflectance_a_file_or_said(table, tmp_path):
     write_table(one, ["Name", *(f"{nm:g}" for nm in GRID)], [["grey", *np.full(GRID.size, 0.4)]])
     for ground, complaint in (
         ("90", "write 0.9"),
-        ("nothing.csv", "neither a number"),
+        ("nothing.csv", "--ground 'nothing.csv' is neither a number"),
+        (f"{one}:white", "holds no spectrum 'white'; there are grey"),
         (None, "what is under the paint"),
     ):
         result = run(one, *([] if ground is None else ["--ground", ground]))

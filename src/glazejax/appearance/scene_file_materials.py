@@ -142,21 +142,10 @@ def read_reflectance(
 
 
 def _measured(text: str, grid: np.ndarray, folder: Path) -> Float[np.ndarray, "bands"]:
-    from ..io import read_spectra
+    from ..io import read_sample
 
-    path, sample = folder / text, ""
-    if not path.is_file() and ":" in text:
-        before, _, sample = text.rpartition(":")
-        path = folder / before
-    if not path.is_file():
-        raise FileNotFoundError(f"{text!r} is neither a number from 0 to 1 nor a file")
-    found = read_spectra(path)
-    if not sample and len(found) > 1:
-        raise ValueError(f"{path} holds {len(found)} spectra: choose one, as {path.name}:{found.names[0]}")
-    if sample and sample not in found.names:
-        raise ValueError(f"{path} holds no spectrum {sample!r}; there are {', '.join(found.names[:6])}")
-    values = found[sample or found.names[0]]
-    own = np.asarray(found.wavelengths)
+    found = read_sample(text, folder=folder)
+    own = found.wavelengths
     if own[0] > grid[0] + 1e-6 or own[-1] < grid[-1] - 1e-6:
         raise ValueError(f"{text} is known at {describe_grid(own)} only, but the scene has {describe_grid(grid)}")
-    return np.clip(np.asarray(resample(own, values, grid), float), 0.0, 1.0)
+    return np.clip(np.asarray(resample(own, found.reflectance[0], grid), float), 0.0, 1.0)

@@ -41,10 +41,9 @@ def measured_lamp(text: str | Path, wavelengths: Grid, strength: float = 1.0) ->
         FileNotFoundError: no such file.
         ValueError: it is no such table, the name is not in it, or it does not cover the bands.
     """
-    path, name = Path(text), ""
-    if not path.is_file() and ":" in str(text):
-        before, _, name = str(text).rpartition(":")
-        path = Path(before)
+    from ..io.sample import split_sample
+
+    path, name = split_sample(str(text))
     if not path.is_file():
         raise FileNotFoundError(f"there is no file {path} with the spectrum of a lamp")
     try:

@@ -3,6 +3,16 @@
 from .containers import SpectraCube, SpectraTable
 from .read import read_cube, read_spectra
 from .resample import resample
+from .sample import read_sample
 from .write import write_spectra, write_table
 
-__all__ = ["SpectraCube", "SpectraTable", "read_cube", "read_spectra", "resample", "write_spectra", "write_table"]
+__all__ = [
+    "SpectraCube",
+    "SpectraTable",
+    "read_cube",
+    "read_sample",
+    "read_spectra",
+    "resample",
+    "write_spectra",
+    "write_table",
+]

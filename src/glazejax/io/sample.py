@@ -1,0 +1,58 @@
+"""One measured spectrum, named as FILE or FILE:SAMPLE wherever a reflectance may be a number or measured."""
+
+from dataclasses import replace
+from pathlib import Path
+
+from .containers import SpectraTable
+from .read import read_spectra
+
+
+def split_sample(text: str, folder: str | Path = "") -> tuple[Path, str]:
+    """File and sample of FILE:SAMPLE; the sample is empty where FILE stands alone. Neither need exist.
+
+    Args:
+        text: FILE or FILE:SAMPLE; a file whose own name has a colon in it comes first.
+        folder: where a relative FILE is looked for.
+    """
+    path = Path(folder) / text
+    if path.is_file() or ":" not in text:
+        return path, ""
+    file, _, sample = text.rpartition(":")
+    return Path(folder) / file, sample
+
+
+def read_sample(text: str, *, folder: str | Path = "", argument: str = "") -> SpectraTable:
+    """Read one spectrum in any format that `read_spectra` knows.
+
+    Args:
+        text: FILE or FILE:SAMPLE; the sample may be left out of a file that holds one spectrum.
+        folder: where a relative FILE is looked for.
+        argument: what ``text`` was given as, such as ``--ground``; errors begin with it.
+
+    Returns:
+        A table of that spectrum alone, with the file's notes.
+
+    Raises:
+        FileNotFoundError: no such file.
+        ValueError: the file is not legal, holds several spectra and none is chosen, or has none of that name.
+    """
+    lead = f"{argument} " if argument else ""
+    path, sample = split_sample(text, folder)
+    if not path.is_file():
+        raise FileNotFoundError(f"{lead}{text!r} is neither a number from 0 to 1, such as 0.9, nor a file")
+    table = read_spectra(path)
+    some = ", ".join(table.names[:6]) + (", ..." if len(table) > 6 else "")
+    if not sample and len(table) > 1:
+        raise ValueError(
+            f"{lead}{path} holds {len(table)} spectra: choose one, as {text.rstrip(':')}:{table.names[0]} "
+            f"(there are {some})"
+        )
+    if sample and sample not in table.names:
+        raise ValueError(f"{lead}{path} holds no spectrum {sample!r}; there are {some}")
+    row = table.names.index(sample) if sample else 0
+    return replace(
+        table,
+        names=table.names[row : row + 1],
+        reflectance=table.reflectance[row : row + 1],
+        attributes={title: texts[row : row + 1] for title, texts in table.attributes.items()},
+    )
