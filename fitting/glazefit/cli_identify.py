@@ -152,15 +152,11 @@ def _check_outputs(csv: Path | None, residuals: Path | None, out: Path | None, o
         from glazejax.plots import check_picture
 
         check_picture(out, overwrite=overwrite)
+    from glazejax.outputs import check_output
+
     for option, path in (("--csv", csv), ("--residuals", residuals)):
-        if path is None:
-            continue
-        if path.is_dir():
-            raise ValueError(f"{option} {path} is a folder; name a file in it, such as {path / 'found.csv'}")
-        if not path.parent.is_dir():
-            raise FileNotFoundError(f"{path}: the folder {path.parent} does not exist")
-        if path.exists() and not overwrite:
-            raise FileExistsError(f"{path} exists; choose another name, or replace it with --overwrite")
+        if path is not None:
+            check_output(path, overwrite=overwrite, argument=option)
     if csv is not None and csv == residuals:
         raise ValueError(f"--csv and --residuals both name {csv}; they are two tables")
 

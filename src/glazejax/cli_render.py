@@ -178,10 +178,9 @@ def render(
 def _check_table(csv: Path, out: Path, overwrite: bool) -> None:
     if csv.resolve() == out.resolve():
         raise ValueError(f"--csv and --out are both {csv}: give them different names")
-    if not csv.parent.is_dir():
-        raise FileNotFoundError(f"{csv}: the folder {csv.parent} does not exist")
-    if csv.exists() and not overwrite:
-        raise FileExistsError(f"{csv} exists; choose another name, or replace it with --overwrite")
+    from .outputs import check_output
+
+    check_output(csv, overwrite=overwrite, argument="--csv")
 
 
 def _repeated(coats: "Sequence[Coat]", ladder: str | None) -> int:

@@ -83,13 +83,11 @@ def _check_output(out: Path, spectral: Path | None, overwrite: bool) -> None:
         from .appearance.scene_picture import check_spectral
 
         check_spectral(spectral)
+    from .outputs import check_output
+
     for path in (out, spectral):
-        if path is None:
-            continue
-        if not path.parent.is_dir():
-            raise FileNotFoundError(f"{path}: the folder {path.parent} does not exist")
-        if path.exists() and not overwrite:
-            raise FileExistsError(f"{path} exists; choose another name, or replace it with --overwrite")
+        if path is not None:
+            check_output(path, overwrite=overwrite)
 
 
 def _resized(found: "SceneFile", text: str) -> "SceneFile":

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .colour import CIE_1931, lab, srgb
+from .outputs import check_output
 from .rendering import Rendering
 
 if TYPE_CHECKING:
@@ -57,11 +58,7 @@ def check_picture(path: str | Path, *, overwrite: bool = False) -> Path:
         raise ValueError(f"{path} is a folder: name a picture in it, such as {path / 'glaze.png'}")
     if path.suffix.lower() not in FORMATS:
         raise ValueError(f"{path}: pictures end in {', '.join(FORMATS)}")
-    if not path.parent.is_dir():
-        raise FileNotFoundError(f"{path}: the folder {path.parent} does not exist")
-    if path.exists() and not overwrite:
-        raise FileExistsError(f"{path} exists; choose another name, or replace it with --overwrite")
-    return path
+    return check_output(path, overwrite=overwrite)
 
 
 def hex_colour(rgb: Float[Array | np.ndarray, "3"]) -> str:

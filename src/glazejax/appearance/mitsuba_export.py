@@ -19,6 +19,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..media import Glaze
+from ..outputs import check_output
 from ..spectra import Grid, validate_wavelengths
 from .glaze_material import GlazeTable, glaze_table
 
@@ -60,13 +61,13 @@ def export_glaze(
 
     Raises:
         FileExistsError: the file exists.
+        FileNotFoundError: its folder does not exist.
+        IsADirectoryError: it is a folder.
         ValueError: what `glaze_table` refuses, a table whose thickness varies, or a roughness of 0.
     """
-    path = Path(path)
     if not 0 < roughness <= 1:
         raise ValueError(f"roughness must be above 0 and at most 1, such as 0.02, not {roughness!r}")
-    if path.exists() and not overwrite:
-        raise FileExistsError(f"{path} exists; choose another name, or replace it with overwrite=True")
+    path = check_output(path, overwrite=overwrite, switch="overwrite=True")
     grid = validate_wavelengths(wavelengths_nm)
     table = glaze if isinstance(glaze, GlazeTable) else glaze_table(glaze, grid, tolerance=tolerance)
     if table.thickness.shape[0] > 1:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ..outputs import check_output
 from ..spectra import MAX_FRACTION, validate_wavelengths
 from .containers import SpectraTable, listed
 from .finish import MAX_DECLARED, different
@@ -30,13 +31,10 @@ def write_table(
     Raises:
         FileExistsError: the file exists and `overwrite` is false.
         FileNotFoundError: its folder does not exist.
+        IsADirectoryError: it is a folder.
         ValueError: a row has another number of cells than the header.
     """
-    path = Path(path)
-    if not path.parent.is_dir():
-        raise FileNotFoundError(f"{path}: the folder {path.parent} does not exist")
-    if path.exists() and not overwrite:
-        raise FileExistsError(f"{path} exists; choose another name, or replace it with --overwrite")
+    path = check_output(path, overwrite=overwrite)
     text = io.StringIO()
     writer = csv.writer(text, delimiter="\t" if path.suffix.lower() == ".tsv" else ",", lineterminator="\n")
     writer.writerow(header)
@@ -84,6 +82,7 @@ def write_spectra(
     Raises:
         FileExistsError: a file exists and `overwrite` is false.
         FileNotFoundError: its folder does not exist.
+        IsADirectoryError: it is a folder.
         ValueError: unknown format; a table that is empty or not of legal fractions; wavelengths that CxF3 cannot
             hold; names that a long table cannot.
     """
@@ -140,12 +139,7 @@ def _check(table: SpectraTable, path: Path) -> None:
 def _write_files(files: dict[Path, bytes], overwrite: bool) -> None:
     """Write all files or, if one may not be written, none; a file is there whole or not at all."""
     for path in files:
-        if not path.parent.is_dir():
-            raise FileNotFoundError(f"{path}: the folder {path.parent} does not exist")
-        if path.is_dir():
-            raise IsADirectoryError(f"{path} is a folder; name a file")
-        if path.exists() and not overwrite:
-            raise FileExistsError(f"{path} exists; choose another name, or replace it with --overwrite")
+        check_output(path, overwrite=overwrite)
     for path, content in files.items():
         part = path.with_name(path.name + ".part")
         try:

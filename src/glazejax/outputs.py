@@ -1,0 +1,28 @@
+"""Where results may be written: asked before anything is computed, and no file is replaced unless that is wished."""
+
+from pathlib import Path
+
+
+def check_output(path: str | Path, *, overwrite: bool = False, argument: str = "", switch: str = "--overwrite") -> Path:
+    """The path of a file, if it can be written.
+
+    Args:
+        path: of the file.
+        overwrite: whether a file that exists may be replaced.
+        argument: what the path was given as, such as ``--csv``; errors begin with it.
+        switch: how the user asks for ``overwrite``.
+
+    Raises:
+        FileExistsError: the file exists and `overwrite` is false.
+        FileNotFoundError: its folder does not exist.
+        IsADirectoryError: it is a folder.
+    """
+    path = Path(path)
+    said = f"{argument} {path}" if argument else f"{path}"
+    if path.is_dir():
+        raise IsADirectoryError(f"{said} is a folder: name a file in it")
+    if not path.parent.is_dir():
+        raise FileNotFoundError(f"{said}: the folder {path.parent} does not exist")
+    if path.exists() and not overwrite:
+        raise FileExistsError(f"{said} exists; choose another name, or replace it with {switch}")
+    return path

@@ -1,0 +1,28 @@
+"""Results go where there is room for them, and replace nothing unasked."""
+
+import pytest
+
+from glazejax.outputs import check_output
+
+
+def test_free_names_and_files_that_may_be_replaced(tmp_path):
+    old = tmp_path / "old.csv"
+    old.write_text("mine")
+    assert check_output(str(tmp_path / "new.csv")) == tmp_path / "new.csv"
+    assert check_output(old, overwrite=True) == old
+    assert old.read_text() == "mine"
+
+
+def test_what_is_wrong_is_said(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "old.csv").write_text("mine")
+    (tmp_path / "folder").mkdir()
+    with pytest.raises(FileExistsError, match=r"^--csv old.csv exists; choose another name, or .* --overwrite$"):
+        check_output("old.csv", argument="--csv")
+    with pytest.raises(FileExistsError, match=r"^old.csv exists; .* with overwrite=True$"):
+        check_output("old.csv", switch="overwrite=True")
+    with pytest.raises(FileNotFoundError, match=r"^none/new.csv: the folder none does not exist$"):
+        check_output("none/new.csv")
+    for overwrite in (False, True):
+        with pytest.raises(IsADirectoryError, match=r"^folder is a folder: name a file in it$"):
+            check_output("folder", overwrite=overwrite)
