@@ -68,8 +68,8 @@ def solve_positive(a: Float[Array, "*batch n n"], b: Float[Array, "*batch n m"])
         start = block * _BLOCK
         rows = jax.lax.dynamic_slice_in_dim(work, start, _BLOCK, axis)
         columns = jax.lax.dynamic_slice_in_dim(work, start, _BLOCK, axis + 1)
-        rows = _small_inverse(jax.lax.dynamic_slice_in_dim(rows, start, _BLOCK, axis + 1)) @ rows
-        return jax.lax.dynamic_update_slice_in_dim(work - columns @ rows, rows, start, axis)
+        rows = product(_small_inverse(jax.lax.dynamic_slice_in_dim(rows, start, _BLOCK, axis + 1)), rows)
+        return jax.lax.dynamic_update_slice_in_dim(work - product(columns, rows), rows, start, axis)
 
     work = jnp.concatenate([a, b], axis=-1)
     return jax.lax.fori_loop(0, (n + spare) // _BLOCK, eliminate, work)[..., :n, n + spare :]

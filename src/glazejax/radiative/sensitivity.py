@@ -12,7 +12,7 @@ from jaxtyping import Array
 from glazejax.radiative.directions import Resolution
 from glazejax.radiative.kernels import decay_integral
 from glazejax.radiative.layers import Fields, by_albedo, by_thickness, load_work, stored
-from glazejax.radiative.linalg import transposed
+from glazejax.radiative.linalg import product, transposed
 from glazejax.radiative.modes import turning
 from glazejax.radiative.ordinates import Solution, Stack, System, assemble, order, solve
 from glazejax.radiative.split import Split
@@ -86,7 +86,8 @@ def _stationary(system: System, solution: Solution, vectors: Array) -> Array:
     Sigma is held in directions, delta at the layers' far faces in modes.
     """
     near, far = (
-        modes @ transposed(vectors) @ system.modes.vectors for modes in (solution.fields.near, solution.fields.far)
+        product(product(modes, transposed(vectors)), system.modes.vectors)
+        for modes in (solution.fields.near, solution.fields.far)
     )
     fields = Fields(near, far, solution.fields.flux)
     inside = jnp.sum(load_work(system.ports, fields), axis=-1) - stored(system.ports, fields) + system.ports.direct
