@@ -228,7 +228,7 @@ def test_import_is_light():
         "import glazejax.reflectance as again\n"
         "assert not jax.config.jax_enable_x64\n"
         "print([m for m in ('colour', 'matplotlib', 'emcee', 'optimistix', 'scipy.optimize', 'typer')"
-        " if m in sys.modules])"
+        " if m in sys.modules] + [m for m in sys.modules if 'manyflux' in m])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
     assert done.stdout.strip() == "[]", done.stdout + done.stderr

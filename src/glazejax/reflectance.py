@@ -8,7 +8,6 @@ from jaxtyping import Array, Float
 from .geometry import Bidirectional, Geometry, Hemispherical
 from .media import Glaze
 from .radiative.fresnel import dielectric_reflectance
-from .radiative.manyflux import manyflux_hemispherical_reflectance, manyflux_reflectance_factor
 from .radiative.stack import Method, stack_hemispherical_reflectance, stack_reflectance_factor
 
 
@@ -51,11 +50,16 @@ def reflectance(
             if phase is None:
                 diffuse = stack_reflectance_factor(*stack, **directions, **given)
             else:
+                from .radiative.manyflux import manyflux_reflectance_factor
+
                 diffuse = manyflux_reflectance_factor(*stack, **directions, azimuth=azimuth, **given)
             mirror = jnp.asarray(geometry.incidence) == jnp.asarray(geometry.viewing)
             mirror = (mirror[..., None] if mirror.ndim else mirror) & _on_mirror_side(geometry, azimuth)
         case Hemispherical():
-            solve = stack_hemispherical_reflectance if phase is None else manyflux_hemispherical_reflectance
+            if phase is None:
+                solve = stack_hemispherical_reflectance
+            else:
+                from .radiative.manyflux import manyflux_hemispherical_reflectance as solve
             diffuse = solve(*stack, cos_incidence=geometry.cos_incidence, **given)
             mirror = True
         case _:

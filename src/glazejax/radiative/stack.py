@@ -10,8 +10,7 @@ import numpy as np
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
-from glazejax.radiative import auxiliary_graded, manyflux_method, ordinates, sensitivity
-from glazejax.radiative.directions import Resolution
+from glazejax.radiative import auxiliary_graded, ordinates, sensitivity
 from glazejax.radiative.inputs import (
     INDEX_RANGE,
     Numbers,
@@ -21,9 +20,7 @@ from glazejax.radiative.inputs import (
     check_values,
     concrete,
 )
-from glazejax.radiative.manyflux_effort import Effort
 from glazejax.radiative.ordinates import Stack
-from glazejax.radiative.panels import Mesh
 from glazejax.radiative.resolution import resolve, resolve_known
 from glazejax.radiative.split import Split
 
@@ -47,13 +44,14 @@ class _Solver(NamedTuple):
     split: Callable | None
 
 
-_SOLVERS = {
-    "ordinates": _Solver(ordinates.reflectance, sensitivity.reflectance_and_gradient, sensitivity.split),
-    "auxiliary": _Solver(
-        auxiliary_graded.reflectance, auxiliary_graded.reflectance_and_gradient, auxiliary_graded.split
-    ),
-    "manyflux": _Solver(manyflux_method.reflectance, manyflux_method.reflectance_and_gradient, None),
-}
+def _solver(method: str) -> _Solver:
+    if method == "manyflux":
+        from glazejax.radiative import manyflux_method  # a dozen modules that nobody else needs
+
+        return _Solver(manyflux_method.reflectance, manyflux_method.reflectance_and_gradient, None)
+    if method == "auxiliary":
+        return _Solver(auxiliary_graded.reflectance, auxiliary_graded.reflectance_and_gradient, auxiliary_graded.split)
+    return _Solver(ordinates.reflectance, sensitivity.reflectance_and_gradient, sensitivity.split)
 
 
 class _Options(NamedTuple):
@@ -234,7 +232,7 @@ def _evaluate(inputs: _Inputs, tolerance: float, method: str) -> Array:
 
 def _evaluate_split(inputs: _Inputs, tolerance: float, method: str) -> Split:
     check_method(method)
-    if _SOLVERS[method].split is None:
+    if _solver(method).split is None:
         raise ValueError(f"method {method!r} does not split the reflectance; use 'ordinates' or 'auxiliary'")
     stack, options, batch = _prepare(inputs, tolerance, method)
     return jax.tree.map(lambda part: part.reshape(batch), _run_split(stack, options))
@@ -293,9 +291,11 @@ def _resolve(
     fixed: float | None,
     layers: int,
     itemsize: int,
-) -> tuple[Resolution | Mesh | Effort, int]:
-    """The method's resolution, and how many stacks go through the processor at a time."""
+) -> tuple[Any, int]:
+    """The method's own resolution (see `_Options`), and how many stacks go through the processor at a time."""
     if method == "manyflux":
+        from glazejax.radiative import manyflux_method
+
         cosines = inputs.cos_incidence, inputs.cos_viewing
         effort = manyflux_method.resolve_effort(tolerance, indices, fixed, inputs.optical_thickness, *cosines)
         return effort, max(1, _CHUNK_BYTES // manyflux_method.bytes_each(effort, layers, itemsize))
@@ -316,7 +316,7 @@ def _run(stack: Stack, options: _Options) -> Array:
 
 @functools.partial(jax.jit, static_argnums=1)
 def _run_split(stack: Stack, options: _Options) -> Split:
-    split = _SOLVERS[options.method].split
+    split = _solver(options.method).split
     assert split is not None
 
     def one(chunk: Stack) -> Split:
@@ -328,7 +328,7 @@ def _run_split(stack: Stack, options: _Options) -> Split:
 @functools.partial(jax.custom_jvp, nondiff_argnums=(1,))
 def _reflectance(stack: Stack, options: _Options) -> Array:
     def one(chunk: Stack) -> Array:
-        return _SOLVERS[options.method].reflectance(_with_index(chunk, options), options.resolution)
+        return _solver(options.method).reflectance(_with_index(chunk, options), options.resolution)
 
     return _in_chunks(one, stack, options.chunk)
 
@@ -358,7 +358,7 @@ _reflectance.defjvp(_reflectance_jvp, symbolic_zeros=True)
 
 def _with_gradient(stack: Stack, options: _Options, wanted: tuple[str, ...]) -> tuple[Array, dict[str, Array]]:
     """Reflectance and gradient; slopes by an index of (almost) one are those a little above it."""
-    solve = functools.partial(_SOLVERS[options.method].reflectance_and_gradient, wanted=wanted)
+    solve = functools.partial(_solver(options.method).reflectance_and_gradient, wanted=wanted)
     if "refractive_index" not in wanted or not options.near_one:
         return solve(stack, options.resolution)
     near = stack.refractive_index < LEAST_SLOPING_INDEX
