@@ -16,13 +16,13 @@ from glazejax.appearance.scene import (
     Phong,
     Plane,
     PointLight,
-    Scene,
     Sphere,
 )
 from glazejax.appearance.scene_render import render
 from glazejax.radiative.fresnel import conductor_reflectance
 
-GRID = np.arange(400.0, 701.0, 30.0)
+from .scenes import GRID, scene
+
 MATERIALS = {"m": 0}
 
 
@@ -106,10 +106,6 @@ def test_smooth_normals_are_those_of_a_sphere():
     np.testing.assert_allclose(found.normal[0], exact, atol=3e-3)
     assert abs(float(np.dot(found.face[0], exact))) < 1
     assert isinstance(hit, Hit)
-
-
-def scene(shapes, materials, lights, camera, **options):
-    return Scene(GRID, shapes, materials, lights, camera, **({"width": 32, "height": 24} | options))
 
 
 def test_lambert_sphere_is_the_cosine():

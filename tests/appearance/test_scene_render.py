@@ -30,7 +30,7 @@ from glazejax.appearance.scene_render import render
 from glazejax.appearance.scene_seen import needed_bands
 from glazejax.radiative.fresnel import conductor_reflectance, dielectric_reflectance
 
-GRID = np.arange(400.0, 701.0, 30.0)
+from .scenes import GRID, scene
 
 
 def paint(name, grid=GRID):
@@ -42,7 +42,7 @@ def blue_glaze(thickness=3e-6):
 
 
 def flat(material, light, camera, **options):
-    return Scene(GRID, [Plane("m")], {"m": material}, [light], camera, **({"width": 1, "height": 1} | options))
+    return scene([Plane("m")], {"m": material}, [light], camera, **({"width": 1, "height": 1} | options))
 
 
 @pytest.mark.parametrize(("incidence", "viewing"), [(0, 45), (45, 0), (60, 30)])
@@ -95,9 +95,8 @@ def test_a_thickness_map_is_where_it_belongs():
     camera = Camera((0, 0, 10), up=(0, 1, 0), field_of_view=np.rad2deg(2 * np.arctan(0.1)))
     light = ParallelLight((1, 0, -1), 1.0)
     material = Glazed(glaze, jnp.asarray(np.kron(depths, np.ones((8, 8)))), gloss=False)
-    made = Scene(
-        GRID, [Plane("m", size=(2, 2), up=(0, 1, 0))], {"m": material}, [light], camera, width=4, height=4, antialias=1
-    )
+    square = Plane("m", size=(2, 2), up=(0, 1, 0))
+    made = scene([square], {"m": material}, [light], camera, width=4, height=4, antialias=1)
     picture = render(made, tolerance=1e-5).radiance
     down, across = np.meshgrid(range(4), range(4), indexing="ij")
     viewing = np.rad2deg(np.arctan(np.hypot(0.5 * across - 0.75, 0.75 - 0.5 * down) / 10))
@@ -132,7 +131,7 @@ def still_life(**options):
     ]
     lights = [ParallelLight((0.5, 1, -1), light), PointLight((-2, -2, 3), 4 * light[::-1])]
     camera = Camera((0, -4, 2), (0, 0, 0.4))
-    return Scene(GRID, shapes, materials, lights, camera, **({"width": 40, "height": 30, "antialias": 3} | options))
+    return scene(shapes, materials, lights, camera, **({"width": 40, "height": 30, "antialias": 3} | options))
 
 
 @pytest.fixture(scope="module")

@@ -58,15 +58,7 @@ def indices(glaze: Glaze, bands: int) -> Float[Array, "bands"]:
 
 def factor(glaze: Glaze, cos_in: Numbers, cos_out: Numbers, tolerance: float) -> Float[Array, "*batch bands"]:
     """The solver's reflectance factor of a glaze that JAX may trace; cosines end in an axis for the bands."""
-    return stack_reflectance_factor(
-        glaze.albedo,
-        glaze.optical_thickness,
-        glaze.substrate,
-        refractive_index=glaze.refractive_index,
-        cos_incidence=cos_in,
-        cos_viewing=cos_out,
-        tolerance=tolerance,
-    )
+    return stack_reflectance_factor(**_stack(glaze, cos_in, cos_out, tolerance))
 
 
 def planned_factor(glaze: Glaze, cos_in: Numbers, cos_out: Numbers, tolerance: float) -> Float[np.ndarray, "..."]:
@@ -74,16 +66,20 @@ def planned_factor(glaze: Glaze, cos_in: Numbers, cos_out: Numbers, tolerance: f
 
     Programs are compiled for few sizes, which serve every glaze of as many layers.
     """
-    plan = plan_stacks(
-        glaze.albedo,
-        glaze.optical_thickness,
-        glaze.substrate,
-        refractive_index=glaze.refractive_index,
-        cos_incidence=cos_in,
-        cos_viewing=cos_out,
-        tolerance=tolerance,
-    )
-    return np.asarray(plan.run())
+    return np.asarray(plan_stacks(**_stack(glaze, cos_in, cos_out, tolerance)).run())
+
+
+def _stack(glaze: Glaze, cos_in: Numbers, cos_out: Numbers, tolerance: float) -> dict[str, Any]:
+    """What both ask of the solver."""
+    return {
+        "albedo": glaze.albedo,
+        "optical_thickness": glaze.optical_thickness,
+        "substrate_reflectance": glaze.substrate,
+        "refractive_index": glaze.refractive_index,
+        "cos_incidence": cos_in,
+        "cos_viewing": cos_out,
+        "tolerance": tolerance,
+    }
 
 
 def on_nodes(
