@@ -7,6 +7,7 @@ import pytest
 
 import glazejax as gj
 from glazejax.appearance.glaze_material import GlazeTable, glaze_table
+from glazejax.media import MAX_THICKNESS
 from glazejax.radiative.fresnel import dielectric_reflectance
 from glazejax.spectra import Numbers
 
@@ -52,6 +53,14 @@ def table():
 @pytest.fixture(scope="module")
 def deep():
     return glaze_table(glaze(), WAVELENGTHS, thickness=np.linspace(0, 30e-6, 7), tolerance=1e-4)
+
+
+def test_a_map_of_one_thickness_may_be_the_thickest_there_is():
+    thick = glaze_table(glaze(), WAVELENGTHS, angles=((0, 0), (0, 0)), thickness=np.full((2, 2), MAX_THICKNESS))
+    found = thick.reflectance_factor(1.0, 1.0, MAX_THICKNESS)
+    np.testing.assert_allclose(
+        found, gj.reflectance(glaze(MAX_THICKNESS, wavelengths=WAVELENGTHS), gj.Bidirectional()), atol=1e-3
+    )
 
 
 def test_error_is_what_it_says(table):

@@ -13,8 +13,10 @@ import glazejax as gj
 from glazejax.appearance.glaze_material import glaze_table
 from glazejax.appearance.mitsuba_export import export_glaze, measured_fields, reflectance_in_mitsuba, write_tensor_file
 from glazejax.appearance.mitsuba_scene import mitsuba_scene
-from glazejax.appearance.scene import Phong
+from glazejax.appearance.scene import Camera, Lambert, ParallelLight, Phong, Plane
 from glazejax.radiative.fresnel import dielectric_reflectance
+
+from .scenes import scene
 
 
 @pytest.fixture(scope="module")
@@ -62,6 +64,20 @@ def test_files_are_not_overwritten(table, tmp_path):
         export_glaze(table, tmp_path / "g.bsdf", WAVELENGTHS)
     with pytest.raises(ValueError, match="31 bands, but 3 wavelengths"):
         export_glaze(table, tmp_path / "h.bsdf", [400.0, 500.0, 600.0])
+
+
+def test_what_cannot_be_exported(table, tmp_path):
+    with pytest.raises(FileNotFoundError, match=r"the folder .*none does not exist"):
+        export_glaze(table, tmp_path / "none" / "g.bsdf", WAVELENGTHS)
+    with pytest.raises(ValueError, match="angles is 1; it must be at least 2"):
+        export_glaze(table, tmp_path / "g.bsdf", WAVELENGTHS, angles=1)
+    narrow = glaze_table(gj.Glaze([], 0.5), WAVELENGTHS, angles=((0, 90), (0, 45)))
+    with pytest.raises(ValueError, match="0 to 45 degrees of viewing: export one of all angles"):
+        export_glaze(narrow, tmp_path / "g.bsdf", WAVELENGTHS)
+    made = scene([Plane("m")], {"m": Lambert(0.5)}, [ParallelLight((0, 0, -1), 1.0)], Camera((0, -3, 2)))
+    with pytest.raises(FileNotFoundError, match=r"the folder .*none for tables and meshes does not exist"):
+        mitsuba_scene(made, tmp_path / "none")
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_mitsuba_finds_the_same_reflectance(table, tmp_path, mitsuba):

@@ -113,6 +113,11 @@ def test_a_small_scene_is_what_its_file_says(write):
             'thickness_map = "wedge"\nthickness_layer = 2\nlayers = "U',
             r"thickness_layer: is 2, but there are 1",
         ),
+        (
+            'kind = "lambert"\nreflectance = 0.5',
+            'kind = "metal"\nmetal = "gold"\nroughness = 70',
+            r"\[materials.grey\]: roughness must be 0 \(polished\) to 60 degrees, not 70",
+        ),
         ("radius = 1", "radius = 0", r"\[objects.ball\] radius: must be above 0, not 0"),
         ("radius = 1", "raduis = 1", r"\[objects.ball\]: radius is missing; is 'raduis' meant to be it\?"),
         ("radius = 1", "", r"\[objects.ball\]: radius is missing"),

@@ -17,6 +17,7 @@ from glazejax.appearance.scene import (
     Conductor,
     Glazed,
     Lambert,
+    Mesh,
     ParallelLight,
     Phong,
     Plane,
@@ -29,6 +30,7 @@ from glazejax.appearance.scene_picture import light_white, picture_xyz, save_png
 from glazejax.appearance.scene_render import render
 from glazejax.appearance.scene_seen import needed_bands
 from glazejax.radiative.fresnel import conductor_reflectance, dielectric_reflectance
+from glazejax.spectra import Numbers
 
 from .scenes import GRID, scene
 
@@ -37,8 +39,13 @@ def paint(name, grid=GRID):
     return gj.catalogue.load()[name].resample(grid)
 
 
-def blue_glaze(thickness=3e-6):
+def blue_glaze(thickness: Numbers = 3e-6):
     return gj.Glaze([gj.Layer(paint("UltramarineBlue"), thickness), gj.Layer(paint("ZincWhite"), 20e-6)], 0.8)
+
+
+def forward():
+    """A glaze that scatters forwards, which tables of angles cannot hold."""
+    return gj.Glaze([gj.Layer(paint("UltramarineBlue"), 3e-6, phase=[1.0, 0.5])], 0.8)
 
 
 def flat(material, light, camera, **options):
@@ -178,6 +185,18 @@ def test_bands_that_no_screen_can_show_are_left_out():
     assert np.abs(picture_xyz(part, grid) - exact).max() < 1 / (12.92 * 255)
 
 
+def test_lamps_without_some_or_all_colours_keep_their_bands():
+    # Beyond 680 nm nothing adds to Z; a lamp that is off adds nothing at all.
+    camera, deep = Camera((0, 0, 5), up=(0, 1, 0), field_of_view=1.0), np.arange(400.0, 701.0, 10.0)
+    red = np.where(deep >= 680, 1.0, 0.0)
+    for spectrum, bands in ((red, red > 0), (0 * red, None)):
+        light = ParallelLight((0, 0, -1), spectrum)
+        made = Scene(deep, [Plane("m")], {"m": Lambert(0.5)}, [light], camera, width=2, height=2)
+        part = render(made, spectral=False)
+        np.testing.assert_allclose(picture_xyz(part, deep), picture_xyz(render(made), deep), rtol=1e-12)
+        assert part.report.bands == 1 if bands is None else (part.bands == bands).all()
+
+
 def test_an_interrupted_picture_keeps_what_it_has(monkeypatch):
     made = still_life(width=160, height=120, antialias=1)
     calls = []
@@ -299,6 +318,12 @@ def test_spectra_in_openexr(tmp_path, rendered):
         ({"background": np.nan}, "background holds nan"),
         ({"materials": {"m": Lambert(np.ones(3))}, "shapes": [Sphere("m")]}, "reflectance of material 'm' has shape"),
         ({"materials": {"m": Lambert(-0.5)}, "shapes": [Sphere("m")]}, "holds -0.5"),
+        ({"materials": {"m": Phong(0.5, -1.0)}, "shapes": [Sphere("m")]}, "specular of material 'm' is -1"),
+        ({"materials": {"m": Glazed(forward())}, "shapes": [Sphere("m")]}, "material 'm': .* phase function"),
+        (
+            {"materials": {"m": Glazed(blue_glaze(np.array([1e-6, 2e-6])))}, "shapes": [Sphere("m")]},
+            "'m': .* map of thicknesses",
+        ),
     ],
 )
 def test_scenes_that_cannot_be(change, words):
@@ -313,6 +338,10 @@ def test_scenes_that_cannot_be(change, words):
         (lambda: Sphere("m", (1, 2)), "centre must be three finite numbers"),
         (lambda: Plane("m", normal=(0, 0, 0)), "no direction"),
         (lambda: Plane("m", size=(1, 0)), "size must be a number above 0"),
+        (lambda: Mesh("m", np.eye(3), np.array([[0, 1, -1]])), "a face names vertex -1, but they are 0 to 2"),
+        (lambda: Mesh("m", np.eye(3), np.array([[0, 1, 3]])), "a face names vertex 3, but they are 0 to 2"),
+        (lambda: Mesh("m", np.eye(3), np.array([[0, 1, 1.5]])), "faces must be whole numbers"),
+        (lambda: Conductor(0.3, 3.0, -5.0), r"roughness must be 0 \(polished\) to 60 degrees, not -5"),
         (lambda: Camera((0, 0, 1), (0, 0, 0)), "looks along its up"),
         (lambda: Camera((0, 0, 0), (0, 0, 0)), "target"),
         (lambda: Camera((0, -1, 0), field_of_view=200), "field_of_view must be between 0 and 170 degrees, not 200"),

@@ -70,7 +70,9 @@ class GlazeTable(NamedTuple):
         if varies and thickness is None:
             raise ValueError("this glaze's thickness varies: give thickness, in metres, for every point")
         if not varies and thickness is not None:
-            raise ValueError("this glaze's thickness is fixed: leave thickness out, or build it with glaze_table's own")
+            raise ValueError(
+                "this glaze's thickness is fixed: leave thickness out, or give glaze_table the thicknesses too"
+            )
         depth = self.thickness[0] if thickness is None else thickness
         points = jnp.broadcast_arrays(*(as_float_array(values) for values in (cos_in, cos_out, depth)))
         return _in_pieces(self, *points)

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
-from ..media import Glaze, Layer
+from ..media import MAX_THICKNESS, Glaze, Layer
 from ..radiative.fresnel import cos_refracted
 from ..spectra import Grid, Numbers, concrete
 from .glaze_interpolation import GlazeTable, evaluate, interior
@@ -194,4 +194,7 @@ def _thickness_range(glaze: Glaze, thickness: Numbers | None, layer: int) -> tup
         raise ValueError("thickness must be known numbers: the thicknesses of the scene, in metres")
     Layer(glaze.layers[layer].medium, values)  # refuses what is negative, not finite or not in metres
     low, high = float(values.min()), float(values.max())
-    return (low, high) if high > low else (low, low + max(1e-3 * low, 1e-9))
+    if high > low:
+        return low, high
+    some = max(1e-3 * low, 1e-9)
+    return (low, low + some) if low + some <= MAX_THICKNESS else (low - some, low)

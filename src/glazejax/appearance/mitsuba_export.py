@@ -63,10 +63,14 @@ def export_glaze(
         FileExistsError: the file exists.
         FileNotFoundError: its folder does not exist.
         IsADirectoryError: it is a folder.
-        ValueError: what `glaze_table` refuses, a table whose thickness varies, or a roughness of 0.
+        ValueError: what `glaze_table` refuses, a table whose thickness varies or not for all angles, a roughness of 0,
+            or fewer than two angles or half-way vectors.
     """
     if not 0 < roughness <= 1:
         raise ValueError(f"roughness must be above 0 and at most 1, such as 0.02, not {roughness!r}")
+    for name, count in (("angles", angles), ("resolution", resolution)):
+        if count < 2:
+            raise ValueError(f"{name} is {count}; it must be at least 2")
     path = check_output(path, overwrite=overwrite, switch="overwrite=True")
     grid = validate_wavelengths(wavelengths_nm)
     table = glaze if isinstance(glaze, GlazeTable) else glaze_table(glaze, grid, tolerance=tolerance)
@@ -74,6 +78,10 @@ def export_glaze(
         raise ValueError("Mitsuba's measured BSDF has no textures: export glazes of one thickness each")
     if table.table.shape[0] != grid.size:
         raise ValueError(f"the table has {table.table.shape[0]} bands, but {grid.size} wavelengths are given")
+    for what, span in zip(("incidence", "viewing"), table.ranges, strict=False):
+        if float(span.low) > np.cos(_STEEPEST) or float(span.high) < 1:
+            far, near = np.rad2deg(np.arccos([float(span.low), float(span.high)]))
+            raise ValueError(f"the table has {near:.3g} to {far:.3g} degrees of {what}: export one of all angles")
     # With gloss two halves are blended, so each counts double.
     scale = 2.0 if gloss else 1.0
     write_tensor_file(path, measured_fields(table, grid, angles=angles, resolution=resolution, scale=scale))

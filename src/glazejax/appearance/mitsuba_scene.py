@@ -43,11 +43,14 @@ def mitsuba_scene(
         The scene; its film is XYZ, on the scale of `scene_picture.picture_xyz`.
 
     Raises:
+        FileNotFoundError: the folder does not exist.
         ValueError: a material that Mitsuba has no counterpart of, or a thickness map.
     """
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise FileNotFoundError(f"the folder {folder} for tables and meshes does not exist")
     import mitsuba as mi  # pyright: ignore[reportMissingImports]
 
-    folder = Path(folder)
     grid = np.asarray(scene.wavelengths, float)
     camera = scene.camera
     view = mi.ScalarTransform4f().look_at(

@@ -170,8 +170,11 @@ class Mesh:
             raise ValueError(f"vertices must be finite points (vertices, 3), not of shape {vertices.shape}")
         if faces.ndim != 2 or faces.shape[1] != 3 or len(faces) == 0:
             raise ValueError(f"faces must be triangles (faces, 3), not of shape {faces.shape}")
-        if faces.min() < 0 or faces.max() >= len(vertices):
-            raise ValueError(f"a face names vertex {faces.max()}, but there are {len(vertices)}")
+        if not np.issubdtype(faces.dtype, np.integer):
+            raise ValueError(f"faces must be whole numbers, those of the vertices, not {faces.dtype}")
+        wrong = faces[(faces < 0) | (faces >= len(vertices))]
+        if wrong.size:
+            raise ValueError(f"a face names vertex {wrong[0]}, but they are 0 to {len(vertices) - 1}")
         for name, values, width in (("normals", self.normals, 3), ("uv", self.uv, 2)):
             if values is not None and np.shape(values) != (len(vertices), width):
                 raise ValueError(f"{name} must be ({len(vertices)}, {width}), not {np.shape(values)}")

@@ -37,9 +37,8 @@ def read_material(table: Table, grid: Float[np.ndarray, "bands"], folder: Path) 
         with table.blamed("metal"):
             found = metal(table.text("metal"), grid)
         roughness = table.number("roughness", 0.0)
-        if not 0 <= roughness < 60:
-            raise table.error("roughness", f"must be 0 (polished) to 60 degrees, not {roughness:g}")
-        material = Conductor(found.refractive_index, found.extinction, roughness)
+        with table.blamed():
+            material = Conductor(found.refractive_index, found.extinction, roughness)
     else:
         material = _glaze(table, grid, folder)
     table.done()

@@ -16,6 +16,7 @@ from ..radiative.fresnel import conductor_reflectance
 from ..spectra import Grid, Numbers, as_float_array, concrete, describe_grid, same_grid
 from . import shading
 from .glaze_material import GlazeTable, glaze_table
+from .glaze_solve import on_grid
 
 # Degrees that a table reaches beyond the angles seen.
 _MARGIN = 0.05
@@ -132,6 +133,18 @@ class Phong(Material):
         """The body's reflectance."""
         return {"body": self.body}
 
+    def check(self, name: str, wavelengths: Float[np.ndarray, "bands"]) -> None:
+        """Refuse spectra that do not fit the scene, and highlights below nothing.
+
+        Raises:
+            ValueError: names the material and the value.
+        """
+        super().check(name, wavelengths)
+        for what, value in (("specular", self.specular), ("exponent", self.exponent)):
+            known = concrete(value)
+            if known is not None and (known.ndim or not 0 <= known < np.inf):
+                raise ValueError(f"{what} of material {name!r} is {known}; it must be one number, 0 or more")
+
     def direct(self, angles: Angles) -> Float[Array, "pairs bands"]:
         """Source: paper B, (4) and (24)."""
         # R_v = 2 (N.V) N - V.
@@ -150,6 +163,10 @@ class Conductor(Material):
     refractive_index: Float[Array, "..."] = eqx.field(converter=as_float_array)
     extinction: Float[Array, "..."] = eqx.field(converter=as_float_array)
     roughness: float = eqx.field(static=True, default=0.0)
+
+    def __check_init__(self):
+        if not 0 <= self.roughness < 60:
+            raise ValueError(f"roughness must be 0 (polished) to 60 degrees, not {self.roughness:g}")
 
     def spectra(self) -> dict[str, Numbers]:
         """Refractive index and extinction."""
@@ -196,7 +213,7 @@ class Glazed(Material):
     gloss: bool = eqx.field(static=True, default=True)
 
     def check(self, name: str, wavelengths: Float[np.ndarray, "bands"]) -> None:
-        """Refuse another grid, or a map that is none.
+        """Refuse another grid, what no table can be made of, or a map that is none.
 
         Raises:
             ValueError: names the material and the value.
@@ -206,6 +223,10 @@ class Glazed(Material):
                 f"the glaze of material {name!r} has {describe_grid(self.glaze.wavelengths)}, but the scene has "
                 f"{describe_grid(wavelengths)}: bring its paints there with .resample(wavelengths)"
             )
+        try:
+            on_grid(self.glaze, wavelengths)
+        except ValueError as error:
+            raise ValueError(f"material {name!r}: {error}") from None
         if self.thickness is None:
             return
         if not 0 <= self.layer < len(self.glaze.layers):
@@ -223,8 +244,6 @@ class Glazed(Material):
 
         glaze = self.glaze
         if glaze.layers:
-            if glaze.phase is not None:
-                raise ValueError("a paint in this glaze has a phase function; scenes take isotropic scattering only")
             grid = glaze.wavelengths[chosen]
             layers = [Layer(layer.medium.resample(grid), layer.thickness) for layer in glaze.layers]
         else:

@@ -107,10 +107,15 @@ def needed_bands(scene: Scene) -> Bool[np.ndarray, "bands"]:
     spectra = np.concatenate([scene.light_spectra(), scene.background_spectrum()[None]])
     keep = np.zeros(weights.shape[0], bool)
     for spectrum in spectra:
-        if not np.any(spectrum > 0):
-            continue
         parts = weights * spectrum[:, None]
-        part = np.max(parts / parts.sum(axis=0), axis=1)
+        total = parts.sum(axis=0)
+        # Red light of long waves alone has no Z; no light at all has nothing.
+        there = total > 0
+        if not np.any(there):
+            continue
+        part = np.max(parts[:, there] / total[there], axis=1)
         order = np.argsort(part)
         keep[order[np.cumsum(part[order]) > _BANDS_SHARE]] = True
+    if not np.any(keep):  # A black picture takes a band too.
+        keep[np.argmax(weights[:, 1])] = True
     return keep
