@@ -18,10 +18,10 @@ import numpy as np
 
 from benchmarks.identification_sets import hyppigments, kimera, rrt
 from benchmarks.measured import measured_data
-from benchmarks.prediction import without
 from benchmarks.results import Results, add_option
 from benchmarks.timing import environment
 from glazefit import Noise, identify, identify_films
+from glazefit.crossvalidation import without
 from glazefit.joint import recover_jointly
 from glazefit.readers import read_films, read_names
 from glazefit.response import film_response

@@ -139,6 +139,7 @@ def _listed(text: str) -> list[str]:
 
 
 def _check_outputs(out: Path, others: Mapping[str, Path | None], overwrite: bool) -> None:
+    from glazejax.outputs import check_output
     from glazejax.plots import check_picture
 
     check_picture(out, overwrite=overwrite)
@@ -146,12 +147,7 @@ def _check_outputs(out: Path, others: Mapping[str, Path | None], overwrite: bool
     for option, path in others.items():
         if path is None:
             continue
-        if not path.parent.is_dir():
-            raise FileNotFoundError(f"{option} {path}: the folder {path.parent} does not exist")
-        if path.is_dir():
-            raise IsADirectoryError(f"{option} {path} is a folder: name a file in it")
-        if path.exists() and not overwrite:
-            raise FileExistsError(f"{option} {path} exists; choose another name, or replace it with --overwrite")
+        check_output(path, overwrite=overwrite, argument=option)
         if path.resolve() in taken:
             raise ValueError(f"{taken[path.resolve()]} and {option} are the same file: give them different names")
         taken[path.resolve()] = option

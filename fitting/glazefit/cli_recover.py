@@ -2,7 +2,7 @@
 
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from .films import Films, Instrument, Noise
+    from .joint_result import JointRecovery
     from .result import Recovery
 
 
@@ -61,6 +62,10 @@ def recover(
     law: Annotated[
         str, typer.Option(help="How paints mix, with --joint: mass (linear), or strength (one number a paint).")
     ] = "mass",
+    check: Annotated[
+        bool,
+        typer.Option("--check", help="With --joint: leave every mixture out in turn and predict it from the others."),
+    ] = False,
     plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw one picture a paint.")] = True,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Write into a folder that is not empty.")] = False,
 ) -> None:
@@ -70,12 +75,13 @@ def recover(
     films of known recipes are fitted together, each with a thickness of its own.
 
     Writes pigments.csv (k and s in 1/m with standard deviations), a picture a paint, and fits.csv (k/s and fitted
-    spectra) or, with --joint, films.csv (thickness, gloss and fit of every film).
+    spectra) or, with --joint, films.csv (thickness, gloss and fit of every film). With --check it says
+    how well mixtures are predicted that the fit has not seen: left_out.csv and left_out.png.
 
     Try it without data: glazejax recover --simulate --out demo
     """
     _check(file, out, thickness, simulate)
-    _check_joint(joint, law, simulate, masstones)
+    _check_joint(joint, law, check, simulate, masstones)
     assert out is not None
     _check_folder(out, overwrite)
 
@@ -92,7 +98,9 @@ def recover(
     errors = Noise(noise, noise_share)
     if joint:
         assert file is not None
-        _recover_jointly(file, samples, names, instrument, errors, law, thickness, out, plots, overwrite, console)
+        _recover_jointly(
+            file, samples, names, instrument, errors, law, check, thickness, out, plots, overwrite, console
+        )
         return
     if simulate:
         films = _simulated(samples, thickness, instrument, errors, seed, console)
@@ -122,7 +130,7 @@ def _check(file: Path | None, out: Path | None, thickness: float, simulate: bool
         raise ValueError(f"--thickness is {thickness:g}; it must be above 0 and at most 10000 micrometres, such as 25")
 
 
-def _check_joint(joint: bool, law: str, simulate: bool, masstones: bool) -> None:
+def _check_joint(joint: bool, law: str, check: bool, simulate: bool, masstones: bool) -> None:
     for option, given in (("--simulate", simulate), ("--masstones", masstones)):
         if joint and given:
             raise ValueError(f"--joint fits measured mixtures; leave out {option}, or leave out --joint")
@@ -130,6 +138,8 @@ def _check_joint(joint: bool, law: str, simulate: bool, masstones: bool) -> None
         raise ValueError(f"--law is {law!r}; it must be mass or strength")
     if law != "mass" and not joint:
         raise ValueError("--law says how paints mix in a joint fit; add --joint")
+    if check and not joint:
+        raise ValueError("--check leaves mixtures out of a joint fit; add --joint")
 
 
 def _recover_jointly(
@@ -139,6 +149,7 @@ def _recover_jointly(
     instrument: "Instrument",
     noise: "Noise",
     law: str,
+    check: bool,
     thickness: float,
     out: Path,
     plots: bool,
@@ -163,13 +174,17 @@ def _recover_jointly(
         console.print(f"[dim]{file}: {note}[/dim]")
     with console.status("compiling, then fitting all films together"):
         began = time.perf_counter()
-        recovery = recover_jointly(films, read_names(beside), instrument=instrument, noise=noise, law=MixingLaw(law))
+        recipes = read_names(beside)
+        given = {"instrument": instrument, "noise": noise, "law": MixingLaw(law)}
+        recovery = recover_jointly(films, recipes, **given)
         seconds = time.perf_counter() - began
     metres = thickness * 1e-6
     out.mkdir(parents=True, exist_ok=True)
     write_joint_pigments(recovery, metres, out / "pigments.csv", overwrite=overwrite)
     write_joint_films(recovery, out / "films.csv", overwrite=overwrite)
     print_joint(recovery, console, seconds)
+    if check:
+        _leave_out(recovery, films, recipes, given, out, plots, overwrite, console)
     console.print(
         f"[bold]Thickness: a typical film is taken as {thickness:g} µm, not measured.[/bold] Thicknesses in films.csv "
         "are in units of that."
@@ -180,6 +195,30 @@ def _recover_jointly(
         write_joint_plots(recovery, metres, out, lambda: next(steps, None))
     pictures = f", films.csv and {len(recovery.paints)} pictures" if plots else " and films.csv"
     console.print(f"Wrote pigments.csv{pictures} to {out}")
+
+
+def _leave_out(
+    recovery: "JointRecovery",
+    films: "Films",
+    recipes: dict[str, dict[str, float]],
+    given: dict[str, Any],
+    out: Path,
+    plots: bool,
+    overwrite: bool,
+    console: "Console",
+) -> None:
+    from .crossvalidation import leave_films_out
+    from .joint_plots import plot_left_out
+    from .joint_report import print_left_out, write_left_out
+
+    with console.status("leaving films out") as status:
+        left = leave_films_out(
+            recovery, films, recipes, progress=lambda name: status.update(f"leaving out {name}"), **given
+        )
+    print_left_out(left, console)
+    write_left_out(recovery, left, out / "left_out.csv", overwrite=overwrite)
+    if plots:
+        plot_left_out(recovery, left, out / "left_out.png")
 
 
 def _check_folder(out: Path, overwrite: bool) -> None:

@@ -2,18 +2,21 @@
 
 Measured minus computed reflectance of films that were left out of a fit is ten times what the instrument's noise
 explains, smooth in the wavelength, and much the same over a black and a white card. Three things are behind it, all
-Gaussian here: absorption and scattering of each paint are off by a share that varies slowly with the wavelength (paint
-of another batch, an edge that is shifted), the model itself is off by a smooth curve, and the surface reflects more or
-less. The size of the first two is uncertain too: probabilities are summed over some scales of it, which gives them the
-tails that paint needs.
+Gaussian here: absorption and scattering of each paint are off by a share that varies slowly with the wavelength (as far
+as the pigment says that it is not known, and some more: another batch, an edge that is shifted), the model itself is
+off by a smooth curve, and the surface reflects more or less. The size of the first two is uncertain too: probabilities
+are summed over some scales of it, which gives them the tails that paint needs.
 
 `Nothing in the catalogue` competes on the same terms: any smooth spectrum, without a paint behind it.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
+
+from glazejax import Pigment
 
 
 @dataclass(frozen=True)
@@ -23,9 +26,11 @@ class Discrepancy:
     The sizes are those of films that were left out of a joint fit, `benchmarks/identification.py`: far from small.
 
     Attributes:
-        coefficient: standard deviation of the log of a paint's k, and of its s.
-        coefficient_length: over which these errors stay alike, nm.
+        coefficient: standard deviation of the log of a paint's k, and of its s, beside what the pigment says.
+        coefficient_length: over which these errors, and the pigment's own, stay alike, nm.
         level: standard deviation of a further error of log k, and of log s, that is the same at all wavelengths.
+        most: largest relative standard deviation of a pigment that counts; to first order, more means nothing.
+        unstated: taken for a pigment without standard deviations.
         amplitude: standard deviation of the model's own smooth error, in reflectance.
         length: over which that stays alike, nm.
         shared: its correlation between grounds, in [0, 1].
@@ -40,10 +45,12 @@ class Discrepancy:
         ValueError: a value out of range.
     """
 
-    coefficient: float = 0.35
+    coefficient: float = 0.1
     coefficient_length: float = 100.0
-    level: float = 0.25
-    amplitude: float = 0.01
+    level: float = 0.1
+    most: float = 0.4
+    unstated: float = 0.25
+    amplitude: float = 0.005
     length: float = 100.0
     shared: float = 0.8
     scales: tuple[float, ...] = (0.25, 0.5, 1.0, 2.0)
@@ -56,9 +63,13 @@ class Discrepancy:
     def __post_init__(self) -> None:
         for field in fields(self):
             name, value = field.name, getattr(self, field.name)
+            if isinstance(value, tuple):
+                continue
             needed = name == "trust" or "length" in name
-            if isinstance(value, float) and not (np.isfinite(value) and value >= 0 and (value > 0 or not needed)):
-                raise ValueError(f"the discrepancy's {name} is {value:g}; it must be positive")
+            if not (np.isfinite(value) and value >= 0 and (value > 0 or not needed)):
+                raise ValueError(
+                    f"the discrepancy's {name} is {value:g}; it must be {'above 0' if needed else '0 or more'}"
+                )
         if not 0 <= self.shared <= 1:
             raise ValueError(f"the discrepancy's shared is {self.shared:g}; a correlation lies in [0, 1]")
         if len(self.scales) != len(self.weights) or not self.scales or min(*self.scales, *self.weights) <= 0:
@@ -114,23 +125,73 @@ def model_covariance(
     return amplitude**2 * np.kron(cards, smooth_kernel(wavelengths, discrepancy.length))
 
 
+def relative_errors(pigments: Sequence[Pigment], discrepancy: Discrepancy) -> Float[np.ndarray, "paints 2 bands"]:
+    """Standard deviations of log k and log s that pigments carry, as far as the discrepancy counts them."""
+
+    def share(value: Array, sd: Array | None) -> np.ndarray:
+        values = np.asarray(value, dtype=np.float64)
+        if sd is None:
+            return np.full(values.shape, discrepancy.unstated)
+        # Without any absorption its relative error does not matter: the readings' slope is 0.
+        return np.divide(np.asarray(sd), values, out=np.zeros_like(values), where=values > 0)
+
+    errors = [[share(p.absorption, p.absorption_sd), share(p.scattering, p.scattering_sd)] for p in pigments]
+    return np.minimum(np.asarray(errors), discrepancy.most)
+
+
 def coefficient_covariance(
-    slopes: Float[np.ndarray, "*n errors readings"], wavelengths: Float[np.ndarray, "bands"], discrepancy: Discrepancy
+    slopes: Float[np.ndarray, "*n errors readings"],
+    known: Float[np.ndarray, "*n errors bands"],
+    wavelengths: Float[np.ndarray, "bands"],
+    discrepancy: Discrepancy,
 ) -> Float[np.ndarray, "*n readings readings"]:
     """Covariance that errors of paints' k and s cause, each smooth in the wavelength and independent of the others.
 
-    The standard deviations that pigments carry do not come into it: they are smaller, and films that were left out
-    were identified no better with them.
-
     Args:
         slopes: of the readings by the log of each coefficient, band by band.
+        known: what each pigment says its own standard deviations are, relative (`relative_errors`).
         wavelengths: (bands,), nm.
-        discrepancy: size and length of the errors.
+        discrepancy: size and length of the further errors.
     """
     grounds = slopes.shape[-1] // wavelengths.size
-    smooth = discrepancy.coefficient**2 * smooth_kernel(wavelengths, discrepancy.coefficient_length)
-    alike = np.tile(smooth + discrepancy.level**2, (grounds, grounds))
-    return (np.swapaxes(slopes, -1, -2) @ slopes) * alike
+    kernel = smooth_kernel(wavelengths, discrepancy.coefficient_length)
+
+    def square(slopes: np.ndarray, alike: np.ndarray) -> np.ndarray:
+        return (np.swapaxes(slopes, -1, -2) @ slopes) * np.tile(alike, (grounds, grounds))
+
+    own = slopes * np.concatenate([known] * grounds, axis=-1)
+    return square(slopes, discrepancy.coefficient**2 * kernel + discrepancy.level**2) + square(own, kernel)
+
+
+def coefficient_errors(
+    rng: np.random.Generator, shape: tuple[int, ...], wavelengths: Float[np.ndarray, "bands"], discrepancy: Discrepancy
+) -> Float[np.ndarray, "*shape bands"]:
+    """Random errors of the log of coefficients: smooth, with a level, each of one of the discrepancy's scales."""
+    root = np.linalg.cholesky(
+        smooth_kernel(wavelengths, discrepancy.coefficient_length) + 1e-9 * np.eye(len(wavelengths))
+    )
+    smooth = discrepancy.coefficient * rng.standard_normal((*shape, len(wavelengths))) @ root.T
+    level = discrepancy.level * rng.standard_normal((*shape, 1))
+    return _scale(rng, shape[:1], discrepancy).reshape(-1, *[1] * len(shape)) * (smooth + level)
+
+
+def model_errors(
+    rng: np.random.Generator,
+    count: int,
+    grounds: int,
+    wavelengths: Float[np.ndarray, "bands"],
+    discrepancy: Discrepancy,
+) -> Float[np.ndarray, "count grounds bands"]:
+    """Random errors of the model itself, as `model_covariance` has them."""
+    matrix = model_covariance(wavelengths, grounds, discrepancy, discrepancy.amplitude)
+    root = np.linalg.cholesky(matrix + 1e-9 * np.eye(len(matrix)))
+    errors = _scale(rng, (count,), discrepancy)[:, None] * rng.standard_normal((count, len(matrix))) @ root.T
+    return errors.reshape(count, grounds, -1)
+
+
+def _scale(rng: np.random.Generator, shape: tuple[int, ...], discrepancy: Discrepancy) -> Float[np.ndarray, "*shape"]:
+    weights = np.asarray(discrepancy.weights)
+    return rng.choice(np.asarray(discrepancy.scales), size=shape, p=weights / weights.sum())
 
 
 def noise_covariance(

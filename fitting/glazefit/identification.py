@@ -21,7 +21,7 @@ from glazejax.media import MAX_THICKNESS
 from glazejax.radiative.fresnel import dielectric_reflectance
 
 from .candidates import Paints
-from .evidence import Discrepancy, Prior, log_none, model_covariance, noise_covariance
+from .evidence import Discrepancy, Prior, log_none, model_covariance, noise_covariance, relative_errors
 from .films import Films, Instrument, Noise, cards
 from .identify_inputs import Measured, check_pigments, check_spectra
 from .identify_result import POOR_FIT, RARE, Identification, Pool
@@ -73,6 +73,7 @@ def identify_chunks(
         ValueError: shapes that do not match, values that are not reflectances, an empty catalogue, repeated names.
     """
     instrument, noise, prior = instrument or Instrument(), noise or Noise(), prior or Prior()
+    discrepancy = discrepancy or Discrepancy()
     if max_paints not in (1, 2, 3):
         raise ValueError(f"max_paints is {max_paints}; sets of 1, 2 or 3 paints can be tried")
     if layers not in (1, 2):
@@ -87,11 +88,12 @@ def identify_chunks(
     task = Task(
         film_response(seen_by, instrument.refractive_index),
         _paints(known, prior.thickness),
+        relative_errors(known, discrepancy),
         measured.wavelengths,
         _optics(seen_by, instrument.refractive_index),
         instrument.surface if seen_by.specular else 0.0,
         noise,
-        discrepancy or Discrepancy(),
+        discrepancy,
         prior,
         min(max_paints, len(known)),
         layers,

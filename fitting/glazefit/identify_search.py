@@ -44,6 +44,7 @@ class Task(NamedTuple):
 
     response: FilmResponse
     paints: Paints
+    errors: Float[np.ndarray, "paints 2 bands"]  # relative, of the paints' k and s
     wavelengths: Float[np.ndarray, "bands"]
     optics: Optics
     surface: float  # what a smooth surface adds to a reading
@@ -98,10 +99,10 @@ def weights_of(task: Task, readings: Float[np.ndarray, "spectra grounds bands"],
     return Weights(*(jnp.asarray(a, float) for a in parts))
 
 
-def alike_errors(task: Task, readings: Float[np.ndarray, "spectra grounds bands"]) -> Whitening:
-    """Errors while candidates are looked for: the same for all candidates of a spectrum."""
+def alike_errors(task: Task, readings: Float[np.ndarray, "spectra grounds bands"], amplitude: float) -> Whitening:
+    """The same errors for all candidates of a spectrum: a smooth one of this amplitude, in reflectance."""
     d = task.discrepancy
-    model = model_covariance(task.wavelengths, readings.shape[1], d, d.screening)
+    model = model_covariance(task.wavelengths, readings.shape[1], d, amplitude)
     fixed = noise_covariance(task.noise.sd(readings), task.surface, d)
     return whiten(fixed, np.broadcast_to(model, fixed.shape), d)
 
@@ -109,13 +110,16 @@ def alike_errors(task: Task, readings: Float[np.ndarray, "spectra grounds bands"
 def own_errors(
     task: Task,
     readings: Float[np.ndarray, "spectra grounds bands"],
+    sets: Int[np.ndarray, "spectra sets size"],
     slopes: Float[np.ndarray, "spectra sets errors readings"],
 ) -> Whitening:
     """Errors of each candidate, from what its paints' coefficients do to the readings."""
     d = task.discrepancy
+    # In the order of the slopes: k of all paints, then s; the slopes of paints that are not there are 0.
+    known = np.concatenate([task.errors[np.maximum(sets, 0), part] for part in (0, 1)], axis=-2)
     model = model_covariance(task.wavelengths, readings.shape[1], d, d.amplitude)
     fixed = noise_covariance(task.noise.sd(readings), task.surface, d)[:, None]
-    scaled = model + coefficient_covariance(slopes, task.wavelengths, d)
+    scaled = model + coefficient_covariance(slopes, known, task.wavelengths, d)
     return whiten(np.broadcast_to(fixed, scaled.shape), scaled, d)
 
 
@@ -161,7 +165,7 @@ def search_chunk(task: Task, measured: Measured, rows: Int[np.ndarray, "rows"], 
     # Few sizes, so that little is compiled.
     padded = np.resize(rows, CHUNK if len(rows) > 1 else 1)
     readings, ground = measured.readings[padded], jnp.asarray(measured.grounds[padded], float)
-    weights = weights_of(task, readings, alike_errors(task, readings))
+    weights = weights_of(task, readings, alike_errors(task, readings, task.discrepancy.screening))
     pool: Pool | None = None
     last = None
     for start in starts:
@@ -176,7 +180,7 @@ def search_chunk(task: Task, measured: Measured, rows: Int[np.ndarray, "rows"], 
         triples.log_weight[~new] = -np.inf
         pool = pool.merged(triples)
     looked_at = pool
-    pool = _refined(task, pool, readings, ground)
+    pool = _nearest(task, _refined(task, pool, readings, ground), readings, ground)
     if task.layers == 2 and task.max_paints > 1 and task.known > 1:
         pool = _stacked(task, pool, looked_at, readings, ground, weights)
     return pool.take(np.broadcast_to(np.arange(pool.log_weight.shape[1]), (len(rows), pool.log_weight.shape[1])))
@@ -190,12 +194,25 @@ def _refined(task: Task, pool: Pool, readings: np.ndarray, ground: jax.Array) ->
     return _refit(task, pool.take(order[:, :few]), readings, ground).merged(pool.take(order[:, few:]))
 
 
+def _nearest(task: Task, pool: Pool, readings: np.ndarray, ground: jax.Array) -> Pool:
+    """The pool with amounts that come near the readings, as a mixture is shown.
+
+    With errors of its paints' coefficients allowed, the most probable amounts may leave to those errors what other
+    amounts would meet: probabilities follow from that, but nobody would mix it.
+    """
+    near = weights_of(task, readings, alike_errors(task, readings, task.discrepancy.amplitude))
+    sets, start = jnp.asarray(pool.members), np.where(pool.members == NOBODY, 0.0, pool.logs)
+    fitted = fit_sets(task.response, task.paints, sets, jnp.asarray(start, float), ground, near, task.middle)
+    logs = np.where(pool.members == NOBODY, -np.inf, np.asarray(fitted.logs))
+    return replace(pool, logs=logs, readings=np.asarray(fitted.readings))
+
+
 def _refit(task: Task, pool: Pool, readings: np.ndarray, ground: jax.Array) -> Pool:
     """All of a pool, with the errors that its paints' coefficients cause where it stands."""
     sets = jnp.asarray(pool.members)
     logs = jnp.asarray(np.where(pool.members == NOBODY, 0.0, pool.logs), float)
     slopes = np.asarray(coat_slopes(task.response, task.paints, sets, logs, ground))
-    weights = weights_of(task, readings, own_errors(task, readings, slopes))
+    weights = weights_of(task, readings, own_errors(task, readings, pool.members, slopes))
     fitted = fit_sets(task.response, task.paints, sets, logs, ground, weights, task.middle, own=True)
     size = (pool.members != NOBODY).sum(axis=-1)
     share = np.asarray([-np.inf, *(task.log_set(n) for n in range(1, task.max_paints + 1))])
@@ -291,7 +308,7 @@ def _fit_stacks(
     fitted = None
     for _ in range(_ROUNDS):
         slopes = np.asarray(stack_slopes(*films, logs, ground, task.optics))
-        own = weights_of(task, readings, own_errors(task, readings, slopes))
+        own = weights_of(task, readings, own_errors(task, readings, sets, slopes))
         fitted = fit_stacks(*films, logs, ground, own, task.optics, task.middle)
         logs = fitted.logs
     assert fitted is not None

@@ -31,11 +31,13 @@ from .joint_problem import (
     residuals,
 )
 from .joint_result import JointRecovery
-from .joint_solver import JointSteps, covariance, factorise, normal_matrix
+from .joint_solver import JointSteps, covariance, draw, factorise, normal_matrix
 from .mixing import MixingLaw, weight_table
 from .response import Response, film_response
 
 MAX_STEPS = 100
+# Kept with a recovery, for the errors of what it predicts.
+DRAWS = 64
 # Logarithms of coefficients start far off; undamped first steps would throw some to where nothing has a slope.
 _FIRST_STEP = 1e-4
 # In units of a logarithm, and relative for the residuals: a thousandth of a coefficient.
@@ -103,7 +105,7 @@ def recover_jointly(
         )
         start, _, _ = fit(stiff, response, first_guess(problem), _FIRST_STEP, max_steps)
     solution, steps, settled = fit(problem, response, start, 1.0, max_steps)
-    local, shared = spread(solution, problem, response)
+    local, shared, drawn = spread(solution, problem, response, DRAWS)
     kd, sd = optical_thickness(solution, problem.shares, problem.minor)
     fitted = np.moveaxis(np.asarray(readings(solution, problem, response)), 0, -1)
     return JointRecovery(
@@ -114,6 +116,7 @@ def recover_jointly(
         unknowns=jax.tree.map(np.asarray, solution),
         log_covariance=np.asarray(local),
         shared_covariance=np.asarray(shared),
+        draws=jax.tree.map(np.asarray, drawn),
         film_absorption=np.asarray(kd).T,
         film_scattering=np.asarray(sd).T,
         fitted_black=fitted[:, 0],
@@ -151,7 +154,8 @@ def pose(
     )
     # A law without strengths holds them at nothing.
     strength = expected.strength if law.name == "strength" else 1e-6
-    pull = np.repeat([expected.log_k, expected.log_s], paints, axis=0)
+    # A sum over the bands of pulls of sd * sqrt(bands) each is a pull of the mean by sd.
+    pull = np.repeat([expected.level_k, expected.level_s], paints, axis=0) * [1.0, np.sqrt(len(films.wavelengths))]
     stiffness = np.repeat([1.0 / expected.curvature_k, 1.0 / expected.curvature_s], paints)
     arrays = {
         "reading": np.moveaxis(measured, 1, 0),
@@ -205,13 +209,18 @@ def fit(
     return solution.value, solution.stats["num_steps"], solution.result == optx.RESULTS.successful
 
 
-@jax.jit
+@functools.partial(jax.jit, static_argnames="draws")
 def spread(
-    solution: Unknowns, problem: Problem, response: Response
-) -> tuple[Float[Array, "bands local local"], Float[Array, "shared shared"]]:
-    """Laplace covariance: inverse of the normal matrix at the solution, per band and of the shared unknowns."""
+    solution: Unknowns, problem: Problem, response: Response, draws: int
+) -> tuple[Float[Array, "bands local local"], Float[Array, "shared shared"], Unknowns]:
+    """Laplace: inverse of the normal matrix at the solution, per band and of the shared unknowns; and draws from it."""
     _, tangent = jax.linearize(lambda y: residuals(y, (problem, response)), solution)
     operator = lx.FunctionLinearOperator(tangent, jax.eval_shape(lambda: solution))
     steps = _steps(problem)
     factors = factorise(normal_matrix(operator, steps.curvature, steps.stiffness))
-    return covariance(factors, problem.reading.shape[0])
+    own, common = jax.random.split(jax.random.key(0))
+    pairs = jax.random.normal(own, (draws, *factors.border.shape[:2]))
+    shared = jax.random.normal(common, (draws, factors.corner.shape[0]))
+    # One after the other: batched triangular solves can deadlock on a CPU.
+    off = jax.lax.map(lambda normal: draw(factors, solution, *normal), (pairs, shared))
+    return *covariance(factors, problem.reading.shape[0]), jax.tree.map(jnp.add, solution, off)

@@ -1,13 +1,16 @@
-"""One picture a paint of a joint recovery: the films it is in, as measured and fitted, and its k and s with errors."""
+"""Pictures of a joint recovery: one a paint, with its films and its k and s; and the films that were left out."""
 
 from pathlib import Path
 
 import numpy as np
 
+from .crossvalidation import LeftOut
 from .joint_result import JointRecovery
 
 _ABSORPTION, _SCATTERING = "#8c2d04", "#08519c"
+_BLACK, _WHITE = "#333333", "#b8860b"
 _SHOWN = 6
+_COLUMNS = 6
 
 
 def plot_joint_paint(recovery: JointRecovery, row: int, thickness: float, path: Path) -> None:
@@ -58,6 +61,41 @@ def plot_joint_paint(recovery: JointRecovery, row: int, thickness: float, path: 
     )
     coefficients.legend(frameon=False, fontsize=8)
     coefficients.set_title(f"if a typical film is {thickness * 1e6:g} µm thick; bands of 95 %", fontsize=9)
+    figure.savefig(path, dpi=110)
+
+
+def plot_left_out(recovery: JointRecovery, out: LeftOut, path: Path) -> None:
+    """Draw every film that was left out: as measured, as predicted, and the prediction's 90 % band.
+
+    Args:
+        recovery: of all films.
+        out: films left out of it.
+        path: of the picture; its ending chooses the format.
+    """
+    from matplotlib.figure import Figure
+
+    columns = min(_COLUMNS, len(out.names))
+    rows = -(-len(out.names) // columns)
+    figure = Figure(figsize=(2.5 * columns + 0.4, 2.0 * rows + 0.9), layout="constrained")
+    axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    for axis in axes.flat[len(out.names) :]:
+        axis.set_axis_off()
+    for i, (axis, found) in enumerate(zip(axes.flat, out.predictions, strict=False)):
+        low, high = found.interval()
+        for card, (spectrum, colour) in enumerate(((found.over_black, _BLACK), (found.over_white, _WHITE))):
+            axis.fill_between(found.wavelengths, low[card], high[card], color=colour, alpha=0.18, lw=0)
+            axis.plot(found.wavelengths, spectrum, "-", color=colour, lw=1.1)
+            axis.plot(found.wavelengths, out.measured[i, card], "o", color=colour, ms=2.2, mfc="none", mew=0.7)
+        recipe = _recipe(recovery, recovery.films.names.index(found.name)).replace(" + ", "\n+ ")
+        axis.set_title(f"{recipe}\nΔE00 {out.predicted[i].mean():.1f}", fontsize=7, loc="left")
+        axis.set_ylim(0, 1)
+        axis.tick_params(labelsize=7)
+    figure.supxlabel("wavelength (nm)", fontsize=8)
+    figure.supylabel("reflectance", fontsize=8)
+    figure.suptitle(
+        "Films left out of the fit: measured over black (dark) and white (light), predicted (lines), 90 % bands",
+        fontsize=9,
+    )
     figure.savefig(path, dpi=110)
 
 

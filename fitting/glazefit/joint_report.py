@@ -9,6 +9,7 @@ from rich.table import Table
 
 from glazejax.io import write_table
 
+from .crossvalidation import LeftOut
 from .joint_result import RULE, JointRecovery
 from .report import PIGMENT_COLUMNS, ranges, slug
 
@@ -23,6 +24,16 @@ FILM_COLUMNS = (
     "delta_e_black",
     "delta_e_white",
 )
+LEFT_OUT_COLUMNS = (
+    "film",
+    "recipe",
+    "delta_e_black",
+    "delta_e_white",
+    "delta_e_expected",
+    "inside_90_percent_band",
+    "delta_e_fitted_black",
+    "delta_e_fitted_white",
+)
 # A weight that the fit wants changed by more than this is worth a second look at the recipe.
 _SUSPECT = 0.3
 
@@ -35,7 +46,7 @@ def print_joint(recovery: JointRecovery, console: Console, seconds: float) -> No
     table = Table(title=f"{len(recovery.paints)} paints from {len(recovery.films)} films in {seconds:.1f} s", box=None)
     table.title_justify = "left"
     table.add_column("paint", overflow="fold")
-    for title in ("films", "k known to", "s known to", "k/s known to", "k and s told apart"):
+    for title in ("films", "error of k", "of s", "of k/s", "k, s told apart"):
         table.add_column(title, justify="right", no_wrap=True)
     for row, paint in enumerate(recovery.paints):
         table.add_row(
@@ -65,7 +76,7 @@ def print_joint(recovery: JointRecovery, console: Console, seconds: float) -> No
 
 
 def _per_cent(log_sd: float) -> str:
-    return f"{log_sd:.0%}" if log_sd < 1 else f"a factor {np.exp(log_sd):.1f}"
+    return f"{log_sd:.0%}" if log_sd < 1 else f"factor {np.exp(log_sd):.1f}"
 
 
 def suspects(recovery: JointRecovery) -> list[tuple[int, str, float]]:
@@ -104,14 +115,10 @@ def write_joint_films(recovery: JointRecovery, path: Path, *, overwrite: bool = 
     each = recovery.unknowns.films.shape[1]
     thickness_sd = np.sqrt(np.diagonal(recovery.shared_covariance))[: len(recovery.films) * each : each]
 
-    def recipe(row: int) -> str:
-        parts = [(recovery.paints[p], share) for p, share in enumerate(recovery.shares[row]) if share > 0]
-        return " + ".join(f"{paint} {100 * share:.3g}%" for paint, share in parts)
-
     rows = (
         (
             name,
-            recipe(row),
+            _recipe(recovery, row),
             f"{recovery.thickness[row]:.4g}",
             f"{recovery.thickness[row] * thickness_sd[row]:.2g}",
             f"{recovery.gloss[row]:.3f}",
@@ -122,6 +129,40 @@ def write_joint_films(recovery: JointRecovery, path: Path, *, overwrite: bool = 
         for row, name in enumerate(recovery.films.names)
     )
     write_table(path, FILM_COLUMNS, rows, overwrite=overwrite)
+
+
+def _recipe(recovery: JointRecovery, row: int) -> str:
+    parts = [(recovery.paints[p], share) for p, share in enumerate(recovery.shares[row]) if share > 0]
+    return " + ".join(f"{paint} {100 * share:.3g}%" for paint, share in parts)
+
+
+def print_left_out(out: LeftOut, console: Console) -> None:
+    """Say how well films that were left out of the fit were predicted by the others."""
+    off = out.predicted.mean(axis=1)
+    worst = int(off.argmax())
+    console.print(
+        f"Left out in turn and predicted from their recipes, {len(out.names)} mixtures: ΔE00 (D65, 10°) "
+        f"{off.mean():.2f} on average, median {np.median(off):.2f}, {off[worst]:.2f} at most ({out.names[worst]}); "
+        f"{out.inside.mean():.0%} of the readings lie in the 90 % bands."
+    )
+    if not out.complete:
+        console.print("[yellow]Interrupted: the mixtures that follow were not left out.[/yellow]")
+
+
+def write_left_out(recovery: JointRecovery, out: LeftOut, path: Path, *, overwrite: bool = False) -> None:
+    """Write how well each film was predicted by the others, and how well it said it would be."""
+    rows = (
+        (
+            name,
+            _recipe(recovery, recovery.films.names.index(name)),
+            *(f"{value:.3f}" for value in out.predicted[i]),
+            f"{out.expected[i]:.3f}",
+            f"{out.inside[i]:.3f}",
+            *(f"{value:.3f}" for value in out.fitted[i]),
+        )
+        for i, name in enumerate(out.names)
+    )
+    write_table(path, LEFT_OUT_COLUMNS, rows, overwrite=overwrite)
 
 
 def write_joint_plots(

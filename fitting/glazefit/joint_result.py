@@ -27,6 +27,7 @@ class JointRecovery:
         unknowns: solution of `glazefit.joint_problem`; starts another fit of the same films.
         log_covariance: of log k of all paints, then log s, at each band, (bands, 2 paints, 2 paints).
         shared_covariance: of the films' and paints' shared numbers, in the order of `unknowns`.
+        draws: of the unknowns from Laplace's approximation, each with a leading axis of draws.
         film_absorption, film_scattering: k d and s d of every film, (films, bands).
         fitted_black, fitted_white: what the model reads, (films, bands).
         residual_sd: expected size of a residual, noise and model together, (films, 2, bands).
@@ -41,6 +42,7 @@ class JointRecovery:
     unknowns: Unknowns
     log_covariance: Float[np.ndarray, "bands coefficients coefficients"]
     shared_covariance: Float[np.ndarray, "shared shared"]
+    draws: Unknowns
     film_absorption: Float[np.ndarray, "films bands"]
     film_scattering: Float[np.ndarray, "films bands"]
     fitted_black: Float[np.ndarray, "films bands"]

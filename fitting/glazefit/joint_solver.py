@@ -160,8 +160,7 @@ def factorise(normal: Normal) -> Factors:
 def solve(factors: Factors, vector: Unknowns) -> Unknowns:
     """Solve the normal equations for one right-hand side."""
     pairs, n, _ = factors.border.shape
-    bands, local = vector.bands.shape
-    padded = jnp.pad(vector.bands, ((0, 2 * pairs - bands), (0, 0))).reshape(pairs, n)
+    padded = jnp.pad(vector.bands, ((0, 2 * pairs - len(vector.bands)), (0, 0))).reshape(pairs, n)
     shared = jnp.concatenate([vector.films.ravel(), vector.paints.ravel()])
 
     def down(before, blocks):
@@ -173,17 +172,34 @@ def solve(factors: Factors, vector: Unknowns) -> Unknowns:
     reduced = shared - jnp.einsum("pns,pn->s", factors.border, forward)
     common = cho_solve((factors.corner, True), reduced)
     rest = forward - factors.border @ common
+    return _unflatten(_back(factors, rest), common, vector)
+
+
+def draw(factors: Factors, like: Unknowns, pairs: Float[Array, "pairs n"], shared: Float[Array, "shared"]) -> Unknowns:
+    """Deviation with the inverse normal matrix as covariance, from independent standard normal numbers."""
+    common = solve_triangular(factors.corner, shared, lower=True, trans=1)
+    return _unflatten(_back(factors, pairs - factors.border @ common), common, like)
+
+
+def _back(factors: Factors, right: Float[Array, "pairs n"]) -> Float[Array, "pairs n"]:
+    """Solve with the transposed factor of the bands."""
 
     def up(after, blocks):
         root, below_after, right = blocks
         value = solve_triangular(root, right - below_after.T @ after, lower=True, trans=1)
         return value, value
 
+    n = right.shape[1]
     below_after = jnp.concatenate([factors.below[1:], jnp.zeros((1, n, n))])
-    _, values = jax.lax.scan(up, jnp.zeros(n), (factors.roots, below_after, rest), reverse=True)
-    of_films, of_paints = common[: vector.films.size], common[vector.films.size :]
+    _, values = jax.lax.scan(up, jnp.zeros(n), (factors.roots, below_after, right), reverse=True)
+    return values
+
+
+def _unflatten(bands: Float[Array, "pairs n"], shared: Float[Array, "shared"], like: Unknowns) -> Unknowns:
+    films, paints = shared[: like.films.size], shared[like.films.size :]
+    count, local = like.bands.shape
     return Unknowns(
-        values.reshape(-1, local)[:bands], of_films.reshape(vector.films.shape), of_paints.reshape(vector.paints.shape)
+        bands.reshape(-1, local)[:count], films.reshape(like.films.shape), paints.reshape(like.paints.shape)
     )
 
 

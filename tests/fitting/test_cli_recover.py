@@ -211,3 +211,27 @@ def test_joint_fit_on_the_command_line(run, tmp_path, films):
     status, _, err = run(file, "--out", "res", "--joint")
     assert status != 0
     assert "--overwrite" in err
+
+
+def test_mixtures_are_left_out_when_asked(run, tmp_path):
+    grid = GRID[::3]
+    k = np.stack([np.geomspace(0.05, 3.0, grid.size), np.full(grid.size, 0.02), np.full(grid.size, 9.0)])
+    s = np.stack([np.full(grid.size, 1.0), np.full(grid.size, 8.0), np.full(grid.size, 0.3)])
+    shares = np.array([[1, 0, 0], [0, 1, 0], [0.1, 0.9, 0], [0.5, 0.5, 0], [0, 0.95, 0.05], [0.95, 0, 0.05]])
+    names = [f"{i:02d}A" for i in range(1, 7)]
+    file = write(tmp_path / "f.tsv", simulate_films(names, grid, shares @ k, shares @ s))
+    recipes = (
+        f"{n}\tRed-White-Black|" + "-".join(f"{100 * w:g}" for w in row) for n, row in zip(names, shares, strict=True)
+    )
+    (tmp_path / "mixtures.tsv").write_text("\n".join(recipes) + "\n")
+    status, out, _ = run(file, "--out", "res", "--joint", "--check", "--no-plots")
+    assert status == 0
+    assert "4 mixtures: ΔE00" in out
+    with (tmp_path / "res" / "left_out.csv").open() as table:
+        rows = list(csv.DictReader(table))
+    assert [row["film"] for row in rows] == names[2:]
+    assert rows[1]["recipe"] == "Red 50% + White 50%"
+    assert all(float(row["delta_e_black"]) < 5 for row in rows)
+    status, _, err = run(file, "--out", "other", "--check")
+    assert status == 2
+    assert "add --joint" in err

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 from jax.flatten_util import ravel_pytree
 
+from glazefit.crossvalidation import leave_films_out
 from glazefit.films import Films, Instrument, Noise
-from glazefit.joint import pose, recover_jointly
+from glazefit.joint import pose, recover_jointly, spread
 from glazefit.joint_problem import Expectations, Unknowns, curvature_matrix, heavy_tail, residuals
 from glazefit.joint_solver import JointSteps, covariance, factorise, normal_matrix
 from glazefit.mixing import MixingLaw, weight_table
@@ -131,6 +132,46 @@ def test_a_film_left_out_is_predicted():
     (found,) = predict_films(result, films.select(["half"]), RECIPES)
     np.testing.assert_allclose(found.over_black, films.over_black[3], atol=0.01)
     np.testing.assert_allclose(found.over_white, films.over_white[3], atol=0.01)
+
+
+def test_draws_spread_as_laplace_says(small):
+    problem, response, point = small
+    local, shared, drawn = spread(point, problem, response, 3000)
+    off = np.asarray(drawn.bands) - np.asarray(point.bands)
+    for band in (0, GRID.size - 1):
+        np.testing.assert_allclose(np.std(off[:, band], axis=0), np.sqrt(np.diagonal(local[band])), rtol=0.07)
+    films = np.asarray(drawn.films).reshape(3000, -1) - np.asarray(point.films).ravel()
+    np.testing.assert_allclose(np.std(films, axis=0), np.sqrt(np.diagonal(shared))[: films.shape[1]], rtol=0.07)
+    # Errors of one band go with those of the next: the curvature ties them.
+    assert np.corrcoef(off[:, 3, 0], off[:, 4, 0])[0, 1] > 0.5
+
+
+def test_films_left_out_lie_within_their_bands():
+    films = painted(np.array([1.0, 0.8, 1.2, 1.0, 0.9, 1.1]), Noise())
+    whole = recover_jointly(films, RECIPES)
+    seen: list[str] = []
+    out = leave_films_out(whole, films, RECIPES, progress=seen.append)
+    assert out.names == tuple(seen) == ("tint", "half", "grey", "shade")
+    assert out.complete
+    # Nothing is wrong with the recipes of painted films: they are predicted better than real ones are.
+    assert np.median(out.predicted) < 2.0
+    assert out.inside.mean() > 0.9
+    assert np.all(out.expected > 0.3)
+    with pytest.raises(ValueError, match="no film can be left out"):
+        leave_films_out(whole, films, RECIPES, only=lambda name: False)
+
+
+def test_an_interrupt_keeps_the_films_that_are_done():
+    films = painted(np.array([1.0, 0.8, 1.2, 1.0, 0.9, 1.1]), Noise())
+    whole = recover_jointly(films, RECIPES)
+
+    def stop(name: str) -> None:
+        if name == "grey":
+            raise KeyboardInterrupt
+
+    out = leave_films_out(whole, films, RECIPES, progress=stop)
+    assert out.names == ("tint", "half")
+    assert not out.complete
 
 
 def test_what_is_held_out_does_not_matter():
