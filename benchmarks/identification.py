@@ -51,6 +51,8 @@ class Found(NamedTuple):
     true_probability: float
     rmse: float
     none: float
+    right: list[int]  # ranks of explanations by the right pigments, from 0
+    right_rmse: float  # the least of theirs
     chances: np.ndarray  # (paints, 2): probability, and whether it is there
 
 
@@ -93,15 +95,19 @@ def _look(name: str, found, recipe: dict[str, float], row: int = 0) -> Found:
     truth = {paint: share / sum(recipe.values()) for paint, share in recipe.items() if share > 0}
     ranked = found.ranked(row)
     first = ranked[0]
+    pigments = set(family(truth))
+    right = [rank for rank, c in enumerate(ranked) if set(family(dict.fromkeys(c.paints, 1.0))) == pigments]
     return Found(
         name,
         truth,
         dict(zip(first.paints, first.fractions.tolist(), strict=True)),
-        first.words if found.explained[row] else f"nothing; nearest {first.words}",
+        first.words if found.explained[row] else f"nothing; first {first.words}",
         first.probability,
         sum(c.probability for c in ranked if set(c.paints) == set(truth)),
         first.rmse,
         float(found.none[row]),
+        right,
+        min((ranked[rank].rmse for rank in right), default=float("nan")),
         np.array([[p, paint in truth] for p, paint in zip(found.paint_probability[row], found.paints, strict=True)]),
     )
 
@@ -124,8 +130,11 @@ def summary(found: list[Found], results: Results, words: str) -> None:
     results(f"exactly these paints              {share([set(f.best) == set(f.truth) for f in found])}")
     results(f"these pigments, media aside       {share([set(family(f.best)) == set(family(f.truth)) for f in found])}")
     results(f"pigments of 5 % or more           {share([big(f.best) == big(f.truth) for f in found])}")
+    results(f"these among the first three       {share([min(f.right, default=99) < 3 for f in found])}")
     off = [abs(family(f.best).get(p, 0.0) - part) for f in found for p, part in family(f.truth).items()]
     results(f"error of a weight fraction, mean  {np.mean(off):.3f} (median {np.median(off):.3f})")
+    rmse = np.nanquantile([f.right_rmse for f in found], [0.5, 0.95])
+    results(f"RMSE of the right pigments        {rmse[0]:.4f} in the median, {rmse[1]:.4f} for 19 in 20")
     results(f"mean probability of the first     {np.mean([f.probability for f in found]):.2f}")
     results("probability of a paint, stated -> found (count):")
     for low, high, stated, seen, n in reliability(found):

@@ -60,7 +60,7 @@ def rrt(results: Results) -> None:
 
 def _line(found, row: int) -> str:
     first = found.ranked(row)[0]
-    start = "" if found.explained[row] else "nothing; nearest "
+    start = "" if found.explained[row] else "nothing; first "
     return f"{start}{first.words} (P {first.probability:.2f}, RMSE {first.rmse:.3f})"
 
 

@@ -113,14 +113,16 @@ def _weigh(
     nothing = task.discrepancy.trust * nothing + np.log(task.prior.unknown)
     weight = np.where(np.isfinite(pool.log_weight), pool.log_weight, -np.inf)
     # Few films that were left out of the fit missed by more: what fits badly is improbable beforehand.
-    weight = weight + np.where(_misfit(task, measured, pool) > POOR_FIT, np.log(RARE), 0.0)
+    gloss = _gloss(task, measured, pool)
+    fitted = pool.readings + gloss[..., None] * task.surface
+    misfit = np.sqrt(np.mean((measured.readings.reshape(len(measured), 1, -1) - fitted) ** 2, axis=-1))
+    weight = weight + np.where(misfit > POOR_FIT, np.log(RARE), 0.0)
     total = logsumexp(np.concatenate([weight, nothing[:, None]], axis=1), axis=1)
     probability = np.exp(weight - np.asarray(total)[:, None])
     present = pool.members[..., None] == np.arange(len(names))
     best = np.argsort(-probability, axis=1, kind="stable")[:, :keep]
     top = pool.take(best)
-    gloss = _gloss(task, measured, top)
-    fitted = top.readings + gloss[..., None] * task.surface
+    fitted = np.take_along_axis(fitted, best[..., None], axis=1)
     return Identification(
         measured=measured,
         paints=names,
@@ -131,16 +133,10 @@ def _weigh(
         probability=np.take_along_axis(probability, best, axis=1),
         none=np.exp(nothing - np.asarray(total)),
         paint_probability=np.einsum("sc,scmp->sp", probability, present),
-        gloss=gloss,
+        gloss=np.take_along_axis(gloss, best, axis=1),
         fitted=fitted.reshape(*best.shape, *measured.readings.shape[1:]),
         opaque=opaque,
     )
-
-
-def _misfit(task: Task, measured: Measured, pool: Pool) -> Float[np.ndarray, "spectra candidates"]:
-    """Root mean square of each candidate's residual."""
-    fitted = pool.readings + _gloss(task, measured, pool)[..., None] * task.surface
-    return np.sqrt(np.mean((measured.readings.reshape(len(measured), 1, -1) - fitted) ** 2, axis=-1))
 
 
 def _gloss(task: Task, measured: Measured, pool: Pool) -> Float[np.ndarray, "spectra candidates"]:

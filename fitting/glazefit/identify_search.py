@@ -99,10 +99,10 @@ def weights_of(task: Task, readings: Float[np.ndarray, "spectra grounds bands"],
     return Weights(*(jnp.asarray(a, float) for a in parts))
 
 
-def alike_errors(task: Task, readings: Float[np.ndarray, "spectra grounds bands"], amplitude: float) -> Whitening:
-    """The same errors for all candidates of a spectrum: a smooth one of this amplitude, in reflectance."""
+def alike_errors(task: Task, readings: Float[np.ndarray, "spectra grounds bands"]) -> Whitening:
+    """Errors while candidates are looked for: the same for all candidates of a spectrum."""
     d = task.discrepancy
-    model = model_covariance(task.wavelengths, readings.shape[1], d, amplitude)
+    model = model_covariance(task.wavelengths, readings.shape[1], d, d.screening)
     fixed = noise_covariance(task.noise.sd(readings), task.surface, d)
     return whiten(fixed, np.broadcast_to(model, fixed.shape), d)
 
@@ -165,7 +165,7 @@ def search_chunk(task: Task, measured: Measured, rows: Int[np.ndarray, "rows"], 
     # Few sizes, so that little is compiled.
     padded = np.resize(rows, CHUNK if len(rows) > 1 else 1)
     readings, ground = measured.readings[padded], jnp.asarray(measured.grounds[padded], float)
-    weights = weights_of(task, readings, alike_errors(task, readings, task.discrepancy.screening))
+    weights = weights_of(task, readings, alike_errors(task, readings))
     pool: Pool | None = None
     last = None
     for start in starts:
@@ -200,7 +200,10 @@ def _nearest(task: Task, pool: Pool, readings: np.ndarray, ground: jax.Array) ->
     With errors of its paints' coefficients allowed, the most probable amounts may leave to those errors what other
     amounts would meet: probabilities follow from that, but nobody would mix it.
     """
-    near = weights_of(task, readings, alike_errors(task, readings, task.discrepancy.amplitude))
+    d = task.discrepancy
+    # Errors that are not alike at neighbouring bands: a smooth one would be excused.
+    noise = noise_covariance(np.hypot(task.noise.sd(readings), d.amplitude), task.surface, d)
+    near = weights_of(task, readings, whiten(noise, np.zeros_like(noise), d))
     sets, start = jnp.asarray(pool.members), np.where(pool.members == NOBODY, 0.0, pool.logs)
     fitted = fit_sets(task.response, task.paints, sets, jnp.asarray(start, float), ground, near, task.middle)
     logs = np.where(pool.members == NOBODY, -np.inf, np.asarray(fitted.logs))

@@ -207,3 +207,12 @@ def test_bad_input_is_one_clear_error(paints):
     for make in (lambda: Discrepancy(amplitude=-1.0), lambda: Prior(unknown=0.0), lambda: Prior(thickness=25.0)):
         with pytest.raises(ValueError, match=r"must be|lie between|metres"):
             make()
+
+
+def test_what_is_shown_comes_near_the_reading():
+    """Greys that white and black mix to: errors of 40 % of the paints would excuse another lightness."""
+    known = list(catalogue.load().values())
+    greys = np.array([0.2, 0.36, 0.59])[:, None, None] * np.ones((1, GRID.size))
+    found = identify(greys, GRID, known, grounds=None, geometry=Bidirectional(45.0, 0.0))
+    assert found.rmse[:, 0].max() < 0.03
+    assert found.explained.all()

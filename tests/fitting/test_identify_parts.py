@@ -8,12 +8,21 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from glazefit.candidates import Paints, amounts_grid, grow, sets_of, unique_best
-from glazefit.evidence import Discrepancy, model_covariance, noise_covariance, whiten
+from glazefit.evidence import (
+    Discrepancy,
+    coefficient_covariance,
+    coefficient_errors,
+    model_covariance,
+    model_errors,
+    noise_covariance,
+    relative_errors,
+    whiten,
+)
 from glazefit.identify_fit import Weights, fit_sets, inverse_small, log_prior
 from glazefit.identify_shades import ShadeLibrary
 from glazefit.identify_stacks import orders
 from glazefit.response import film_response
-from glazejax import Hemispherical
+from glazejax import Hemispherical, Pigment
 from glazejax.io import read_spectra
 
 GRID = np.linspace(400.0, 700.0, 7)
@@ -42,6 +51,45 @@ def test_whitened_density_is_that_of_the_gaussian():
     share = np.log(np.array(d.weights) / sum(d.weights))
     exact = [_log_density(off, fixed + scale**2 * scaled) for scale in d.scales]
     np.testing.assert_allclose(density, exact + share, rtol=1e-8)
+
+
+def test_errors_of_coefficients_are_the_pigments_own_and_some_more():
+    rng = np.random.default_rng(1)
+    d = Discrepancy(scales=(1.0,), weights=(1.0,))
+    slopes = rng.standard_normal((4, 2 * GRID.size))  # k of two paints, then s, over two grounds
+    known = rng.uniform(0.05, 0.4, (4, GRID.size))
+    covariance = coefficient_covariance(slopes, known, GRID, d)
+    errors = coefficient_errors(rng, (40_000, 4), GRID, d)
+    root = np.linalg.cholesky(model_covariance(GRID, 1, Discrepancy(length=d.coefficient_length), 1.0))
+    errors = errors + known * (rng.standard_normal(errors.shape) @ root.T)
+    moved = np.einsum("nep,ep->np", np.concatenate([errors, errors], axis=-1), slopes)
+    sd = np.sqrt(np.diagonal(covariance))
+    np.testing.assert_allclose(np.cov(moved.T) / np.outer(sd, sd), covariance / np.outer(sd, sd), atol=0.03)
+
+
+def test_random_errors_of_the_model_have_its_covariance():
+    d = Discrepancy(scales=(1.0,), weights=(1.0,))
+    errors = model_errors(np.random.default_rng(2), 40_000, 2, GRID, d).reshape(40_000, -1)
+    np.testing.assert_allclose(
+        np.cov(errors.T) / d.amplitude**2, model_covariance(GRID, 2, d, d.amplitude) / d.amplitude**2, atol=0.03
+    )
+
+
+def test_errors_of_pigments_count_as_far_as_they_mean_something():
+    k, s = np.array([0.0, 100.0, 100.0]), np.full(3, 50.0)
+    stated = Pigment("a", GRID[:3], k, s, absorption_sd=np.array([1.0, 10.0, 1e4]), scattering_sd=np.full(3, 5.0))
+    silent = Pigment("b", GRID[:3], k, s)
+    d = Discrepancy()
+    first, second = relative_errors([stated, silent], d)
+    np.testing.assert_allclose(first, [[0.0, 0.1, d.most], [0.1, 0.1, 0.1]])
+    np.testing.assert_allclose(second, d.unstated)
+
+
+@pytest.mark.parametrize("wrong", [{"coefficient": -1}, {"most": float("nan")}, {"trust": 0}, {"length": 0.0}])
+def test_a_discrepancy_out_of_range_is_named(wrong):
+    (name,) = wrong
+    with pytest.raises(ValueError, match=f"the discrepancy's {name} is .*; it must be"):
+        Discrepancy(**wrong)
 
 
 def test_prior_of_fractions_and_thickness_integrates_to_one():
