@@ -48,14 +48,19 @@ def rrt(results: Results) -> None:
     chosen = [i for i, name in enumerate(RRT_COLUMNS[:-1]) if not name.endswith("thin")]
     found = _opaque(grid, spectra[chosen])
     results("RRT panel, thick paints (45:0 and opaque assumed)")
-    right = []
+    right: list[int] = []
     for row, column in enumerate(chosen):
         paint = RRT_COLUMNS[column].split()[0]
         truth = RRT_TRUTH.get(paint)
         if truth is not None:
-            right.append(truth in found.ranked(row)[0].paints)
+            ranks = [rank for rank, candidate in enumerate(found.ranked(row)) if truth in candidate.paints]
+            right.append(min(ranks, default=len(found.paints)))
         results(f"  {RRT_COLUMNS[column]:<22} {_line(found, row)}" + ("" if truth else "   [not in the catalogue]"))
-    results(f"  the pigment is in the first explanation, where the catalogue has it: {sum(right)} of {len(right)}")
+    first, three = (sum(rank < count for rank in right) for count in (1, 3))
+    results(
+        f"  the pigment, where the catalogue has it, is in the first explanation: {first} of {len(right)}; "
+        f"in one of the first three: {three}"
+    )
 
 
 def _line(found, row: int) -> str:

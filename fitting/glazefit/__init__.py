@@ -7,6 +7,7 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from .crossvalidation import LeftOut, leave_films_out
     from .evidence import Discrepancy, Prior
     from .films import Films, Instrument, Noise
     from .identification import ground_from_air, identify, identify_films
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from .posterior import Posterior, posterior_of_bands, posterior_of_film
     from .posterior_film import FilmPrior
     from .posterior_reading import Reading, over_ground
-    from .prediction import predict_films
+    from .prediction import Prediction, predict_films
     from .readers import read_films
     from .recipe import Recipe, find_recipes
     from .recover import recover_films
@@ -33,9 +34,11 @@ __all__ = [
     "Identification",
     "Instrument",
     "JointRecovery",
+    "LeftOut",
     "MixingLaw",
     "Noise",
     "Posterior",
+    "Prediction",
     "Prior",
     "Reading",
     "Recipe",
@@ -47,6 +50,7 @@ __all__ = [
     "identify",
     "identify_films",
     "lab_target",
+    "leave_films_out",
     "over_ground",
     "posterior_of_bands",
     "posterior_of_film",
@@ -86,6 +90,9 @@ _HOMES = {
     "recover_films": "recover",
     "recover_jointly": "joint",
     "predict_films": "prediction",
+    "Prediction": "prediction",
+    "LeftOut": "crossvalidation",
+    "leave_films_out": "crossvalidation",
     "JointRecovery": "joint_result",
     "MixingLaw": "mixing",
     "simulate_films": "simulate",

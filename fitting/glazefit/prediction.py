@@ -7,6 +7,7 @@ the same paint.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -104,55 +105,70 @@ def predict_films(
         ValueError: a film without a recipe, or with a paint that the recovery does not know.
     """
     noise, discrepancy = noise or Noise(), discrepancy or MIXED
-    instrument = recovery.instrument
+    instrument, paints = recovery.instrument, len(recovery.paints)
     response = response or film_response(instrument.geometry, instrument.refractive_index)
     black, white, _, _ = cards(films, instrument, noise)
     best = jax.tree.map(lambda leaf: leaf[None], recovery.unknowns)
     out = []
     for row, name in enumerate(films.names):
-        if name not in recipes:
-            raise ValueError(f"nothing is known of what film {name!r} is made of; add it to the list of recipes")
-        weights = np.zeros((1, len(recovery.paints)))
-        for paint, weight in recipes[name].items():
-            weights[0, recovery.row(paint)] = weight
-        share = recovery.law.shares(weights, recovery.paints)[0]
         measured = np.stack([films.over_black[row], films.over_white[row]], axis=-1)
-        deviation = model_deviation(measured, noise, recovery.expectations)
-        ground = jnp.stack([black[row], white[row]], axis=-1)
-
-        def spectra(
-            unknowns: Unknowns,
-            off: np.ndarray,
-            share: np.ndarray = share,
-            measured: np.ndarray = measured,
-            deviation: np.ndarray = deviation,
-            ground: Array = ground,
-        ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-            surface = np.exp(unknowns.paints[:, :, 0] @ share) * instrument.seen_surface
-            k, s = _mixed(unknowns, share, off)
-            logs, body = _fit_thickness(
-                jnp.asarray(k),
-                jnp.asarray(s),
-                ground,
-                jnp.asarray(measured - surface[:, None, None]),
-                jnp.asarray(deviation),
-                recovery.expectations.thickness,
-                response,
-            )
-            return np.exp(logs), surface, np.moveaxis(np.asarray(body), -1, 1) + surface[:, None, None]
-
-        found = recovery.draws
-        thickness, surface, (mean,) = spectra(best, np.zeros((1, *best.bands.shape[1:])))
-        rng = np.random.default_rng(row)
-        count = len(found.paints)
-        coefficients = coefficient_errors(rng, (count, 2 * len(recovery.paints)), films.wavelengths, discrepancy)
-        _, _, draws = spectra(found, np.swapaxes(coefficients, 1, 2))
-        draws = draws + model_errors(rng, count, 2, films.wavelengths, discrepancy)
-        gloss = float(surface[0] / instrument.seen_surface) if instrument.seen_surface else 0.0
-        out.append(
-            Prediction(name, films.wavelengths, float(thickness[0]), gloss, mean[0], mean[1], np.clip(draws, 0.0, None))
+        film = _Film(
+            _shares(recovery, name, recipes),
+            np.stack([black[row], white[row]], axis=-1),
+            measured,
+            model_deviation(measured, noise, recovery.expectations),
         )
+        thickness, surface, (mean,) = _spectra(recovery, response, film, best, np.zeros((1, *best.bands.shape[1:])))
+        # The same draws for every film, so that films compare.
+        rng, count = np.random.default_rng(0), len(recovery.draws.paints)
+        off = coefficient_errors(rng, (count, 2 * paints), films.wavelengths, discrepancy)
+        _, _, draws = _spectra(recovery, response, film, recovery.draws, np.swapaxes(off, 1, 2))
+        draws = np.maximum(draws + model_errors(rng, count, 2, films.wavelengths, discrepancy), 0.0)
+        gloss = float(surface[0] / instrument.seen_surface) if instrument.seen_surface else 0.0
+        out.append(Prediction(name, films.wavelengths, float(thickness[0]), gloss, mean[0], mean[1], draws))
     return out
+
+
+class _Film(NamedTuple):
+    """One film."""
+
+    share: Float[np.ndarray, "paints"]
+    ground: Float[np.ndarray, "bands 2"]  # internal reflectance
+    measured: Float[np.ndarray, "bands 2"]
+    deviation: Float[np.ndarray, "bands 2"]  # expected of a reading
+
+
+def _shares(
+    recovery: JointRecovery, name: str, recipes: Mapping[str, Mapping[str, float]]
+) -> Float[np.ndarray, "paints"]:
+    if name not in recipes:
+        raise ValueError(f"nothing is known of what film {name!r} is made of; add it to the list of recipes")
+    weights = np.zeros((1, len(recovery.paints)))
+    for paint, weight in recipes[name].items():
+        weights[0, recovery.row(paint)] = weight
+    return recovery.law.shares(weights, recovery.paints)[0]
+
+
+def _spectra(
+    recovery: JointRecovery,
+    response: Response,
+    film: _Film,
+    unknowns: Unknowns,
+    off: Float[np.ndarray, "draws bands coefficients"],
+) -> tuple[Float[np.ndarray, "draws"], Float[np.ndarray, "draws"], Float[np.ndarray, "draws 2 bands"]]:
+    """Thickness, reflection of the surface, and reflectance over both cards for each draw of the unknowns."""
+    surface = np.exp(unknowns.paints[:, :, 0] @ film.share) * recovery.instrument.seen_surface
+    k, s = _mixed(unknowns, film.share, off)
+    logs, body = _fit_thickness(
+        jnp.asarray(k),
+        jnp.asarray(s),
+        jnp.asarray(film.ground),
+        jnp.asarray(film.measured - surface[:, None, None]),
+        jnp.asarray(film.deviation),
+        recovery.expectations.thickness,
+        response,
+    )
+    return np.exp(logs), surface, np.moveaxis(np.asarray(body), -1, 1) + surface[:, None, None]
 
 
 def _mixed(
