@@ -217,14 +217,16 @@ class Identification:
         best = self.ranked(row, 1)[0]
         name = self.measured.names[row]
         if not self.explained[row]:
-            return f"{name}: {self.unexplained(row)}; the most probable film is {best.words}, RMSE {best.rmse:.4f}"
+            return f"{name}: {self.unexplained(row)}"
         return f"{name}: {best.words} (probability {best.probability:.0%})"
 
     def unexplained(self, row: int) -> str:
         """Why nothing explains a spectrum."""
+        best = self.ranked(row, 1)[0]
+        start = "nothing in the catalogue explains this"
         if self.none[row] >= 0.5:
-            return f"nothing in the catalogue explains this (probability {self.none[row]:.0%})"
-        return f"nothing in the catalogue explains this (the most probable film misses it by more than {POOR_FIT:g})"
+            return f"{start} (probability {self.none[row]:.0%}); most probable of its films: {best.words}"
+        return f"{start}: the most probable film, {best.words}, is off by {best.rmse:.3f} RMSE"
 
     @classmethod
     def join(cls, parts: Sequence["Identification"]) -> "Identification":
