@@ -10,7 +10,7 @@ from rich.table import Table
 from glazejax.io import write_table
 
 from .crossvalidation import LeftOut
-from .joint_result import RULE, JointRecovery
+from .joint_result import RELATIVE_LIMIT, RULE, JointRecovery
 from .report import PIGMENT_COLUMNS, ranges, slug
 
 FILM_COLUMNS = (
@@ -58,8 +58,13 @@ def print_joint(recovery: JointRecovery, console: Console, seconds: float) -> No
     console.print(table)
     console.print(f"[dim]Errors: median over the bands, one standard deviation. Rule: {RULE}.[/dim]")
     for row in np.flatnonzero(~recovery.identifiable.all(axis=1)).tolist():
-        where = ranges(recovery.wavelengths, ~recovery.identifiable[row])
-        console.print(f"  {recovery.paints[row]}: k and s not told apart at {where}")
+        wide = recovery.log_sd[:, row] > RELATIVE_LIMIT
+        where = [
+            f"{name} at {ranges(recovery.wavelengths, bands)}"
+            for name, bands in zip("ks", wide, strict=True)
+            if bands.any()
+        ]
+        console.print(f"  {recovery.paints[row]}: not known to {RELATIVE_LIMIT:.0%}: {'; '.join(where)}")
     difference = recovery.delta_e()
     console.print(
         f"Fitted films: ΔE00 (D65, 10°) {difference.mean():.2f} on average, {difference.max():.2f} at most "
