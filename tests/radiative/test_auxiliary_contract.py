@@ -51,6 +51,7 @@ def test_all_reference_values_within_the_tolerance(shared_reference, tolerance):
         assert np.all(np.abs(flux - c.hemispherical_reflectance) <= tolerance + c.uncertainty), index
 
 
+@pytest.mark.slow
 def test_agrees_with_discrete_ordinates_and_itself_reversed():
     q, d, g, ci, cv = (a[:200] for a in random_cases(200, seed=5))
     q, d = q[:, :2], d[:, :2]

@@ -66,6 +66,7 @@ def test_no_thickness_is_a_bare_ground():
         assert found == pytest.approx(float(bare), abs=1e-4)
 
 
+@pytest.mark.slow
 def test_gradients_under_jit():
     def f(k, d):
         return profile_reflectance_factor(k, [9e4, 1e4, 2e4], d, 0.6, tolerance=1e-4)
