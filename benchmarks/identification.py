@@ -51,7 +51,7 @@ class Found(NamedTuple):
     true_probability: float
     rmse: float
     none: float
-    right: list[int]  # ranks of explanations by the right pigments, from 0
+    rank: float  # of the first explanation by the right pigments, from 0; infinite if there is none
     right_rmse: float  # the least of theirs
     chances: np.ndarray  # (paints, 2): probability, and whether it is there
 
@@ -106,7 +106,7 @@ def _look(name: str, found, recipe: dict[str, float], row: int = 0) -> Found:
         sum(c.probability for c in ranked if set(c.paints) == set(truth)),
         first.rmse,
         float(found.none[row]),
-        right,
+        min(right, default=np.inf),
         min((ranked[rank].rmse for rank in right), default=float("nan")),
         np.array([[p, paint in truth] for p, paint in zip(found.paint_probability[row], found.paints, strict=True)]),
     )
@@ -130,7 +130,7 @@ def summary(found: list[Found], results: Results, words: str) -> None:
     results(f"exactly these paints              {share([set(f.best) == set(f.truth) for f in found])}")
     results(f"these pigments, media aside       {share([set(family(f.best)) == set(family(f.truth)) for f in found])}")
     results(f"pigments of 5 % or more           {share([big(f.best) == big(f.truth) for f in found])}")
-    results(f"these among the first three       {share([min(f.right, default=99) < 3 for f in found])}")
+    results(f"these among the first three       {share([f.rank < 3 for f in found])}")
     off = [abs(family(f.best).get(p, 0.0) - part) for f in found for p, part in family(f.truth).items()]
     results(f"error of a weight fraction, mean  {np.mean(off):.3f} (median {np.median(off):.3f})")
     rmse = np.nanquantile([f.right_rmse for f in found], [0.5, 0.95])

@@ -48,13 +48,13 @@ def rrt(results: Results) -> None:
     chosen = [i for i, name in enumerate(RRT_COLUMNS[:-1]) if not name.endswith("thin")]
     found = _opaque(grid, spectra[chosen])
     results("RRT panel, thick paints (45:0 and opaque assumed)")
-    right: list[int] = []
+    right: list[float] = []
     for row, column in enumerate(chosen):
         paint = RRT_COLUMNS[column].split()[0]
         truth = RRT_TRUTH.get(paint)
         if truth is not None:
             ranks = [rank for rank, candidate in enumerate(found.ranked(row)) if truth in candidate.paints]
-            right.append(min(ranks, default=len(found.paints)))
+            right.append(min(ranks, default=np.inf))
         results(f"  {RRT_COLUMNS[column]:<22} {_line(found, row)}" + ("" if truth else "   [not in the catalogue]"))
     first, three = (sum(rank < count for rank in right) for count in (1, 3))
     results(

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -21,24 +22,37 @@ class LeftOut:
     """Films left out one by one.
 
     Attributes:
-        names: of the films.
-        predictions: of each by the fit of all others.
+        predictions: of each film by the fit of all others.
         fitted: CIEDE2000 (D65, 10 degrees) of the fit of all films, over black and white, (films, 2).
-        predicted: the same of the predictions.
-        expected: what each prediction said it would be off.
-        inside: share of each film's readings within the prediction's 90 % band.
         measured: reflectance over black and white, (films, 2, bands).
         complete: False where an interrupt came before the last film.
     """
 
-    names: tuple[str, ...]
     predictions: tuple[Prediction, ...]
     fitted: Float[np.ndarray, "films 2"]
-    predicted: Float[np.ndarray, "films 2"]
-    expected: Float[np.ndarray, "films"]
-    inside: Float[np.ndarray, "films"]
     measured: Float[np.ndarray, "films 2 bands"]
     complete: bool
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the films."""
+        return tuple(found.name for found in self.predictions)
+
+    @cached_property
+    def predicted(self) -> Float[np.ndarray, "films 2"]:
+        """CIEDE2000 (D65, 10 degrees) of the predictions, over black and white."""
+        return np.array([p.delta_e(*spectra) for p, spectra in zip(self.predictions, self.measured, strict=True)])
+
+    @cached_property
+    def expected(self) -> Float[np.ndarray, "films"]:
+        """What each prediction said it would be off."""
+        return np.array([found.expected_error() for found in self.predictions])
+
+    @cached_property
+    def inside(self) -> Float[np.ndarray, "films"]:
+        """Share of each film's readings within the prediction's 90 % band."""
+        low, high = np.stack([found.interval() for found in self.predictions], axis=1)
+        return np.mean((low <= self.measured) & (self.measured <= high), axis=(1, 2))
 
 
 def without(
@@ -99,14 +113,4 @@ def leave_films_out(
             raise
     done = rows[: len(predictions)]
     measured = np.stack([films.over_black[done], films.over_white[done]], axis=1)
-    low, high = np.stack([p.interval() for p in predictions], axis=1)
-    return LeftOut(
-        tuple(films.names[row] for row in done),
-        tuple(predictions),
-        whole.delta_e()[done],
-        np.array([p.delta_e(*spectra) for p, spectra in zip(predictions, measured, strict=True)]),
-        np.array([p.expected_error() for p in predictions]),
-        np.mean((low <= measured) & (measured <= high), axis=(1, 2)),
-        measured,
-        len(done) == len(rows),
-    )
+    return LeftOut(tuple(predictions), whole.delta_e()[done], measured, len(done) == len(rows))

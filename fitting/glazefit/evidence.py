@@ -159,7 +159,7 @@ def coefficient_covariance(
     def square(slopes: np.ndarray, alike: np.ndarray) -> np.ndarray:
         return (np.swapaxes(slopes, -1, -2) @ slopes) * np.tile(alike, (grounds, grounds))
 
-    own = slopes * np.concatenate([known] * grounds, axis=-1)
+    own = slopes * np.tile(known, grounds)
     return square(slopes, discrepancy.coefficient**2 * kernel + discrepancy.level**2) + square(own, kernel)
 
 
@@ -167,10 +167,7 @@ def coefficient_errors(
     rng: np.random.Generator, shape: tuple[int, ...], wavelengths: Float[np.ndarray, "bands"], discrepancy: Discrepancy
 ) -> Float[np.ndarray, "*shape bands"]:
     """Random errors of the log of coefficients: smooth, with a level, each of one of the discrepancy's scales."""
-    root = np.linalg.cholesky(
-        smooth_kernel(wavelengths, discrepancy.coefficient_length) + 1e-9 * np.eye(len(wavelengths))
-    )
-    smooth = discrepancy.coefficient * rng.standard_normal((*shape, len(wavelengths))) @ root.T
+    smooth = discrepancy.coefficient * _alike(rng, shape, smooth_kernel(wavelengths, discrepancy.coefficient_length))
     level = discrepancy.level * rng.standard_normal((*shape, 1))
     return _scale(rng, shape[:1], discrepancy).reshape(-1, *[1] * len(shape)) * (smooth + level)
 
@@ -184,9 +181,16 @@ def model_errors(
 ) -> Float[np.ndarray, "count grounds bands"]:
     """Random errors of the model itself, as `model_covariance` has them."""
     matrix = model_covariance(wavelengths, grounds, discrepancy, discrepancy.amplitude)
-    root = np.linalg.cholesky(matrix + 1e-9 * np.eye(len(matrix)))
-    errors = _scale(rng, (count,), discrepancy)[:, None] * rng.standard_normal((count, len(matrix))) @ root.T
+    errors = _scale(rng, (count,), discrepancy)[:, None] * _alike(rng, (count,), matrix)
     return errors.reshape(count, grounds, -1)
+
+
+def _alike(
+    rng: np.random.Generator, shape: tuple[int, ...], covariance: Float[np.ndarray, "n n"]
+) -> Float[np.ndarray, "*shape n"]:
+    """Random Gaussian vectors of this covariance."""
+    root = np.linalg.cholesky(covariance + 1e-9 * np.eye(len(covariance)))
+    return rng.standard_normal((*shape, len(covariance))) @ root.T
 
 
 def _scale(rng: np.random.Generator, shape: tuple[int, ...], discrepancy: Discrepancy) -> Float[np.ndarray, "*shape"]:

@@ -112,10 +112,10 @@ def _weigh(
     nothing = log_none(measured.readings, task.noise.sd(measured.readings), task.wavelengths)
     nothing = task.discrepancy.trust * nothing + np.log(task.prior.unknown)
     weight = np.where(np.isfinite(pool.log_weight), pool.log_weight, -np.inf)
-    # Few films that were left out of the fit missed by more: what fits badly is improbable beforehand.
     gloss = _gloss(task, measured, pool)
     fitted = pool.readings + gloss[..., None] * task.surface
     misfit = np.sqrt(np.mean((measured.readings.reshape(len(measured), 1, -1) - fitted) ** 2, axis=-1))
+    # Few films that were left out of the fit missed by more: what fits badly is improbable beforehand.
     weight = weight + np.where(misfit > POOR_FIT, np.log(RARE), 0.0)
     total = logsumexp(np.concatenate([weight, nothing[:, None]], axis=1), axis=1)
     probability = np.exp(weight - np.asarray(total)[:, None])

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -147,39 +148,38 @@ class Identification:
         """
         return (self.none < 0.5) & (self.rmse[:, 0] <= POOR_FIT)
 
-    @property
+    @cached_property
     def fractions(self) -> Float[np.ndarray, "spectra candidates 3"]:
         """By mass, of all paint in the film."""
         return self.amounts / self.amounts.sum(axis=-1, keepdims=True)
 
-    @property
+    @cached_property
     def residual(self) -> Float[np.ndarray, "spectra candidates grounds bands"]:
         """Measured minus computed."""
         return self.measured.readings[:, None] - self.fitted
 
-    @property
+    @cached_property
     def rmse(self) -> Float[np.ndarray, "spectra candidates"]:
         """Root mean square of the residual."""
         return np.sqrt(np.mean(self.residual**2, axis=(-1, -2)))
 
-    @property
+    @cached_property
     def angle(self) -> Float[np.ndarray, "spectra candidates"]:
         """Largest spectral angle over the grounds, degrees."""
         return spectral_angle(self.measured.readings[:, None], self.fitted).max(axis=-1)
 
-    @property
+    @cached_property
     def delta_e(self) -> Float[np.ndarray, "spectra candidates"]:
         """Largest CIEDE2000 over the grounds, D65 and 10 degrees; NaN where the bands give no colour."""
-        from glazejax.colour import delta_e_2000, lab
+        from glazejax.colour import delta_e_of_spectra
 
         try:
-            seen, computed = (
-                np.asarray(lab(self.measured.wavelengths, a, observer=10))
-                for a in (self.measured.readings[:, None], self.fitted)
+            each = delta_e_of_spectra(
+                self.measured.wavelengths, self.measured.readings[:, None], self.fitted, observer=10
             )
         except ValueError:
             return np.full(self.probability.shape, np.nan)
-        return delta_e_2000(np.broadcast_to(seen, computed.shape), computed).max(axis=-1)
+        return each.max(axis=-1)
 
     def ranked(self, row: int, count: int | None = None) -> list[Candidate]:
         """Explanations of one spectrum, most probable first."""
@@ -214,10 +214,10 @@ class Identification:
 
     def words(self, row: int) -> str:
         """One sentence on a spectrum."""
-        best = self.ranked(row, 1)[0]
         name = self.measured.names[row]
         if not self.explained[row]:
             return f"{name}: {self.unexplained(row)}"
+        best = self.ranked(row, 1)[0]
         return f"{name}: {best.words} (probability {best.probability:.0%})"
 
     def unexplained(self, row: int) -> str:

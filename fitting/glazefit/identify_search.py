@@ -204,16 +204,13 @@ def _nearest(task: Task, pool: Pool, readings: np.ndarray, ground: jax.Array) ->
     # Errors that are not alike at neighbouring bands: a smooth one would be excused.
     noise = noise_covariance(np.hypot(task.noise.sd(readings), d.amplitude), task.surface, d)
     near = weights_of(task, readings, whiten(noise, np.zeros_like(noise), d))
-    sets, start = jnp.asarray(pool.members), np.where(pool.members == NOBODY, 0.0, pool.logs)
-    fitted = fit_sets(task.response, task.paints, sets, jnp.asarray(start, float), ground, near, task.middle)
-    logs = np.where(pool.members == NOBODY, -np.inf, np.asarray(fitted.logs))
-    return replace(pool, logs=logs, readings=np.asarray(fitted.readings))
+    fitted = fit_sets(task.response, task.paints, *_sets_and_logs(pool), ground, near, task.middle)
+    return _moved(pool, fitted)
 
 
 def _refit(task: Task, pool: Pool, readings: np.ndarray, ground: jax.Array) -> Pool:
     """All of a pool, with the errors that its paints' coefficients cause where it stands."""
-    sets = jnp.asarray(pool.members)
-    logs = jnp.asarray(np.where(pool.members == NOBODY, 0.0, pool.logs), float)
+    sets, logs = _sets_and_logs(pool)
     slopes = np.asarray(coat_slopes(task.response, task.paints, sets, logs, ground))
     weights = weights_of(task, readings, own_errors(task, readings, pool.members, slopes))
     fitted = fit_sets(task.response, task.paints, sets, logs, ground, weights, task.middle, own=True)
@@ -222,9 +219,19 @@ def _refit(task: Task, pool: Pool, readings: np.ndarray, ground: jax.Array) -> P
     # What was struck out stays so.
     evidence = task.discrepancy.trust * np.asarray(fitted.log_evidence)
     weight = np.where(np.isfinite(pool.log_weight), evidence + share[size], -np.inf)
-    logs = np.where(pool.members == NOBODY, -np.inf, np.asarray(fitted.logs))
     spread = np.where(absent_pairs(pool.members), 0.0, np.asarray(fitted.covariance))
-    return replace(pool, logs=logs, covariance=spread, log_weight=weight, readings=np.asarray(fitted.readings))
+    return replace(_moved(pool, fitted), covariance=spread, log_weight=weight)
+
+
+def _sets_and_logs(pool: Pool) -> tuple[jax.Array, jax.Array]:
+    """Paints and log amounts of a pool, as a fit starts from them."""
+    return jnp.asarray(pool.members), jnp.asarray(np.where(pool.members == NOBODY, 0.0, pool.logs), float)
+
+
+def _moved(pool: Pool, fitted: Fitted) -> Pool:
+    """The pool with the amounts and readings of a fit."""
+    logs = np.where(pool.members == NOBODY, -np.inf, np.asarray(fitted.logs))
+    return replace(pool, logs=logs, readings=np.asarray(fitted.readings))
 
 
 def absent_pairs(members: Int[np.ndarray, "*n 3"]) -> Bool[np.ndarray, "*n 3 3"]:

@@ -101,8 +101,7 @@ def plot_left_out(recovery: JointRecovery, out: LeftOut, path: Path) -> None:
 
 def _recipe(recovery: JointRecovery, film: int) -> str:
     """Recipe of a film in short."""
-    order = np.argsort(-recovery.shares[film])
-    parts = [(recovery.paints[p], recovery.shares[film, p]) for p in order if recovery.shares[film, p] > 0]
+    parts = sorted(recovery.recipe(film).items(), key=lambda part: -part[1])
     if len(parts) == 1:
         return f"{recovery.films.names[film]} pure"
     return f"{recovery.films.names[film]} " + " + ".join(f"{share:.3g} {paint}" for paint, share in parts)

@@ -137,8 +137,7 @@ def write_joint_films(recovery: JointRecovery, path: Path, *, overwrite: bool = 
 
 
 def _recipe(recovery: JointRecovery, row: int) -> str:
-    parts = [(recovery.paints[p], share) for p, share in enumerate(recovery.shares[row]) if share > 0]
-    return " + ".join(f"{paint} {100 * share:.3g}%" for paint, share in parts)
+    return " + ".join(f"{paint} {100 * share:.3g}%" for paint, share in recovery.recipe(row).items())
 
 
 def print_left_out(out: LeftOut, console: Console) -> None:

@@ -111,13 +111,15 @@ class JointRecovery:
 
     def delta_e(self, illuminant: str = "D65", observer: str | int = 10) -> Float[np.ndarray, "films 2"]:
         """CIEDE2000 of fitted from measured spectra, over black and over white."""
-        from glazejax.colour import delta_e_2000, lab
-
-        def of(spectra: np.ndarray) -> np.ndarray:
-            return np.asarray(lab(self.wavelengths, spectra, illuminant=illuminant, observer=observer))
+        from glazejax.colour import delta_e_of_spectra
 
         pairs = ((self.fitted_black, self.films.over_black), (self.fitted_white, self.films.over_white))
-        return np.stack([delta_e_2000(of(a), of(b)) for a, b in pairs], axis=-1)
+        seen_by = {"illuminant": illuminant, "observer": observer}
+        return np.stack([delta_e_of_spectra(self.wavelengths, *pair, **seen_by) for pair in pairs], axis=-1)
+
+    def recipe(self, film: int) -> dict[str, float]:
+        """Paints of a film, by number, and the share of each, in the order of `paints`."""
+        return {self.paints[p]: float(share) for p, share in enumerate(self.shares[film]) if share > 0}
 
     def row(self, paint: str) -> int:
         """Number of a paint.

@@ -67,13 +67,11 @@ class Prediction:
         observer: str | int = 10,
     ) -> Float[np.ndarray, "*n 2"]:
         """CIEDE2000 between the prediction and other spectra, over black and over white."""
-        from glazejax.colour import delta_e_2000, lab
-
-        def of(spectra: np.ndarray) -> np.ndarray:
-            return np.asarray(lab(self.wavelengths, spectra, illuminant=illuminant, observer=observer))
+        from glazejax.colour import delta_e_of_spectra
 
         pairs = ((self.over_black, over_black), (self.over_white, over_white))
-        return np.stack([delta_e_2000(of(a), of(b)) for a, b in pairs], axis=-1)
+        seen_by = {"illuminant": illuminant, "observer": observer}
+        return np.stack([delta_e_of_spectra(self.wavelengths, *pair, **seen_by) for pair in pairs], axis=-1)
 
     def expected_error(self, illuminant: str = "D65", observer: str | int = 10) -> float:
         """Mean CIEDE2000 that the prediction is expected to be off, over both cards."""
@@ -109,6 +107,10 @@ def predict_films(
     response = response or film_response(instrument.geometry, instrument.refractive_index)
     black, white, _, _ = cards(films, instrument, noise)
     best = jax.tree.map(lambda leaf: leaf[None], recovery.unknowns)
+    # The same draws for every film, so that films compare.
+    rng, count = np.random.default_rng(0), len(recovery.draws.paints)
+    off = np.swapaxes(coefficient_errors(rng, (count, 2 * paints), films.wavelengths, discrepancy), 1, 2)
+    model = model_errors(rng, count, 2, films.wavelengths, discrepancy)
     out = []
     for row, name in enumerate(films.names):
         measured = np.stack([films.over_black[row], films.over_white[row]], axis=-1)
@@ -119,11 +121,8 @@ def predict_films(
             model_deviation(measured, noise, recovery.expectations),
         )
         thickness, surface, (mean,) = _spectra(recovery, response, film, best, np.zeros((1, *best.bands.shape[1:])))
-        # The same draws for every film, so that films compare.
-        rng, count = np.random.default_rng(0), len(recovery.draws.paints)
-        off = coefficient_errors(rng, (count, 2 * paints), films.wavelengths, discrepancy)
-        _, _, draws = _spectra(recovery, response, film, recovery.draws, np.swapaxes(off, 1, 2))
-        draws = np.maximum(draws + model_errors(rng, count, 2, films.wavelengths, discrepancy), 0.0)
+        _, _, draws = _spectra(recovery, response, film, recovery.draws, off)
+        draws = np.maximum(draws + model, 0.0)
         gloss = float(surface[0] / instrument.seen_surface) if instrument.seen_surface else 0.0
         out.append(Prediction(name, films.wavelengths, float(thickness[0]), gloss, mean[0], mean[1], draws))
     return out

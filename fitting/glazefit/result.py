@@ -103,17 +103,11 @@ class Recovery:
 
     def delta_e(self, illuminant: str) -> Float[np.ndarray, "films"]:
         """The larger CIEDE2000 difference of the two fitted spectra from the measured ones, 2 degree observer."""
-        from glazejax.colour import delta_e_2000, lab
+        from glazejax.colour import delta_e_of_spectra
 
         grid = self.films.wavelengths
         pairs = ((self.fitted_black, self.films.over_black), (self.fitted_white, self.films.over_white))
-        return np.max(
-            [
-                delta_e_2000(lab(grid, fitted, illuminant=illuminant), lab(grid, measured, illuminant=illuminant))
-                for fitted, measured in pairs
-            ],
-            axis=0,
-        )
+        return np.max([delta_e_of_spectra(grid, *pair, illuminant=illuminant) for pair in pairs], axis=0)
 
     def interval(self, quantile: float = 1.96) -> tuple[np.ndarray, np.ndarray]:
         """Symmetric intervals of k d and s d, cut at zero: (lower, upper), each (films, bands, 2).

@@ -294,3 +294,19 @@ def _screen_matrix(white: tuple[float, ...]) -> Float[np.ndarray, "3 3"]:
 def delta_e_2000(lab1: Numbers, lab2: Numbers) -> Float[np.ndarray, "*batch"]:
     """CIEDE2000 colour difference between Lab colours, (..., 3) each, by colour-science; NumPy only."""
     return np.asarray(colour_science().delta_E(np.asarray(lab1), np.asarray(lab2), method="CIE 2000"))
+
+
+def delta_e_of_spectra(
+    wavelengths: Grid,
+    one: Spectra,
+    other: Spectra,
+    *,
+    illuminant: str = "D65",
+    observer: str | int = CIE_1931,
+) -> Float[np.ndarray, "*batch"]:
+    """CIEDE2000 colour difference between reflectance spectra, (..., bands) each, which broadcast.
+
+    Args and errors as `xyz`; NumPy only, as `delta_e_2000`.
+    """
+    seen = (np.asarray(lab(wavelengths, s, illuminant=illuminant, observer=observer)) for s in (one, other))
+    return delta_e_2000(*np.broadcast_arrays(*seen))
