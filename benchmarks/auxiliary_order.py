@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks.results import Results, add_option
 from glazejax import stack_reflectance_factor
-from glazejax.radiative.auxiliary import reflectance_factor
+from glazejax.radiative.auxiliary.uniform import reflectance_factor
 
 STEPS = (0.32, 0.16, 0.08, 0.04, 0.02, 0.01)
 METHODS = {

@@ -3,7 +3,7 @@
     python -m benchmarks.calibrate_auxiliary [--stacks 1000] [--tolerances 1e-4 1e-6] [--out FOLDER]
 
 The two share no approximation: here kernels are exponential integrals on a graded mesh in depth, there directions are
-discrete and depth is exact. Prints for each row of `glazejax.radiative.auxiliary_graded` the largest and the median
+discrete and depth is exact. Prints for each row of `glazejax.radiative.auxiliary.graded` the largest and the median
 difference of both reflectances over random stacks, by refractive index and by the thickest layer.
 """
 
@@ -17,9 +17,9 @@ import numpy as np
 from benchmarks.calibrate_directions import known, random_stacks
 from benchmarks.results import Results, add_option
 from benchmarks.timing import environment
-from glazejax.radiative import auxiliary_graded
-from glazejax.radiative.ordinates import Stack
-from glazejax.radiative.panels import Mesh
+from glazejax.radiative.auxiliary import graded as auxiliary_graded
+from glazejax.radiative.auxiliary.panels import Mesh
+from glazejax.radiative.common.stack_arrays import Stack
 
 INDICES = (1.0, 1.02, 1.33, 1.5, 2.5)
 THICKEST = (2.0, 8.0, 40.0, 1e4)

@@ -15,9 +15,9 @@ import glazejax as gj
 from benchmarks.results import Results, add_option
 from benchmarks.timing import environment
 from glazefit import Recipe, Target, colourchecker_targets, find_recipes
-from glazefit.recipe_plot import recipe_figure
+from glazefit.recipe.plots import recipe_figure
 from glazejax import colour
-from glazejax.cli import start_jax
+from glazejax.commands.main import start_jax
 
 SEEN = gj.Bidirectional(45, 0)
 LIMITS = ((1, 1), (2, 1), (3, 1), (2, 2), (3, 2))

@@ -57,9 +57,9 @@ def simulate(
 ) -> tuple[list[Any], Truth]:
     """Readings of films of this many paints, and the truth."""
     from glazefit import FilmPrior, Films, Instrument, Noise
-    from glazefit.model import body_reflectance
-    from glazefit.posterior_reading import readings
-    from glazefit.simulate import card_spectra
+    from glazefit.film.model import body_reflectance
+    from glazefit.film.reading import readings
+    from glazefit.film.simulate import card_spectra
     from glazejax import catalogue
 
     prior, instrument, noise = FilmPrior(), Instrument(), Noise()
@@ -105,7 +105,7 @@ def hidden(films: Sequence[Any]) -> np.ndarray:
 
 def shares(posterior: Any, truth: dict[str, np.ndarray], opaque: np.ndarray) -> dict[str, Ranks]:
     """Where the truth lies in each quantity's posterior; a level of convergence is not asked for."""
-    from glazefit.posterior_summary import AGREES
+    from glazefit.posterior.summary import AGREES
 
     blocks = len(posterior.problem.blocks)
     words = {(row.quantity, n % blocks): row.laplace for n, row in enumerate(posterior.summary())}
@@ -125,9 +125,9 @@ def shares(posterior: Any, truth: dict[str, np.ndarray], opaque: np.ndarray) -> 
 
 def of_paints(films: Sequence[Any], truth: Truth, seed: int) -> tuple[dict[str, Ranks], np.ndarray]:
     from glazefit import FilmPrior, Instrument
-    from glazefit.posterior import sample
-    from glazefit.posterior_errors import pose_errors
-    from glazefit.posterior_film import pose_films
+    from glazefit.posterior.film import pose_films
+    from glazefit.posterior.film_errors import pose_errors
+    from glazefit.posterior.posterior import sample
 
     problem = pose_films(films, truth.paints, Instrument(), FilmPrior())
     problem, modes = pose_errors(problem, films, Instrument(), FilmPrior())
@@ -138,9 +138,9 @@ def of_paints(films: Sequence[Any], truth: Truth, seed: int) -> tuple[dict[str, 
 
 def of_bands(films: Sequence[Any], truth: Truth, seed: int) -> tuple[dict[str, Ranks], np.ndarray]:
     from glazefit import Instrument
-    from glazefit.posterior import sample
-    from glazefit.posterior_bands import join_bands, pose_bands
-    from glazefit.posterior_laplace import find_modes
+    from glazefit.posterior.bands import join_bands, pose_bands
+    from glazefit.posterior.laplace import find_modes
+    from glazefit.posterior.posterior import sample
 
     thinned = [every_third(film) for film in films]
     problem = join_bands([pose_bands(film, 1.0, Instrument()) for film in thinned])

@@ -4,7 +4,7 @@
 
 The same sampler, moves and model each time; what differs is how the log-probability is called.
 
-- vectorised: all walkers of all blocks in one compiled call (`glazefit.posterior_problem`).
+- vectorised: all walkers of all blocks in one compiled call (`glazefit.posterior.problem`).
 - one walker at a time: the same compiled program for one walker with all its blocks, called by emcee in turn.
 - one walker and block at a time: the compiled program of a single film or band, as sampling each by itself would.
 - one walker at a time, not compiled: the same formulas, operation by operation.
@@ -37,9 +37,9 @@ PATIENCE = 1.0
 
 def problems() -> dict[str, Any]:
     from glazefit import FilmPrior, Instrument
-    from glazefit.posterior_bands import pose_bands
-    from glazefit.posterior_errors import pose_errors
-    from glazefit.posterior_film import pose_films
+    from glazefit.posterior.bands import pose_bands
+    from glazefit.posterior.film import pose_films
+    from glazefit.posterior.film_errors import pose_errors
 
     films, truth = simulate(30, 2, np.random.default_rng(0), model_error=True, gloss=True)
     instrument, prior = Instrument(), FilmPrior()
@@ -97,7 +97,7 @@ def uncompiled(problem: Any) -> Callable[[np.ndarray], np.ndarray]:
 
 def stepper(problem: Any, log_prob: Callable, walkers: int, vectorize: bool) -> Callable[[int], None]:
     """A function that takes some steps of an ensemble that starts at random draws of the prior."""
-    from glazefit.chain import BlockDifference, BlockStretch
+    from glazefit.posterior.chain import BlockDifference, BlockStretch
 
     blocks = len(problem.blocks)
     moves = [(BlockStretch(blocks), 0.4), (BlockDifference(blocks), 0.6)]

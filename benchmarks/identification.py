@@ -21,12 +21,12 @@ from benchmarks.measured import measured_data
 from benchmarks.results import Results, add_option
 from benchmarks.timing import environment
 from glazefit import Noise, identify, identify_films
-from glazefit.crossvalidation import without
-from glazefit.joint import recover_jointly
-from glazefit.readers import read_films, read_names
-from glazefit.response import film_response
+from glazefit.film.readers import read_films, read_names
+from glazefit.film.response import film_response
+from glazefit.recover.crossvalidation import without
+from glazefit.recover.joint import recover_jointly
 from glazejax import Hemispherical, catalogue
-from glazejax.cli import start_jax
+from glazejax.commands.main import start_jax
 
 # The same pigment in another medium or from another maker.
 FAMILIES = {

@@ -4,8 +4,8 @@ import numpy as np
 
 from benchmarks.measured import measured_data
 from benchmarks.results import Results
+from benchmarks.shades import ShadeLibrary
 from glazefit import Noise, identify
-from glazefit.identify_shades import ShadeLibrary
 from glazejax import Bidirectional, catalogue
 from glazejax.io import read_spectra
 

@@ -43,9 +43,9 @@ class Example(NamedTuple):
 
 def compute() -> Example:
     """All of it."""
-    from glazejax.radiative.fresnel import cos_refracted, dielectric_reflectance
-    from glazejax.radiative.manyflux import brdf_table
-    from glazejax.radiative.manyflux_free import free_factor
+    from glazejax.radiative.common.fresnel import cos_refracted, dielectric_reflectance
+    from glazejax.radiative.manyflux.free import free_factor
+    from glazejax.radiative.manyflux.reflectance import brdf_table
     from glazejax.radiative.twoflux import two_flux_layer
 
     angles = np.linspace(-85.0, 85.0, 69)
@@ -87,12 +87,12 @@ def series(angles: np.ndarray, orders: tuple[int, ...]) -> list[Order]:
     import jax
     import jax.numpy as jnp
 
-    from glazejax.radiative.fresnel import dielectric_reflectance
-    from glazejax.radiative.manyflux_effort import Effort
-    from glazejax.radiative.manyflux_joined import joined_stack
-    from glazejax.radiative.manyflux_media import Media, fewest_pieces
-    from glazejax.radiative.manyflux_solve import Layers
-    from glazejax.radiative.manyflux_stack import join, join_in_series
+    from glazejax.radiative.common.fresnel import dielectric_reflectance
+    from glazejax.radiative.manyflux.effort import Effort
+    from glazejax.radiative.manyflux.joined import joined_stack
+    from glazejax.radiative.manyflux.media import Media, fewest_pieces
+    from glazejax.radiative.manyflux.solve import Layers
+    from glazejax.radiative.manyflux.star_product import join, join_in_series
 
     cells = (np.arange(BANDS) + 0.5)[::-1] / BANDS
     seen = jnp.asarray(np.concatenate([cells, np.cos(np.deg2rad(angles))]))
@@ -147,7 +147,7 @@ def series(angles: np.ndarray, orders: tuple[int, ...]) -> list[Order]:
 
 def _kept(pieces) -> np.ndarray:
     """n sin(theta) of the nodes."""
-    from glazejax.radiative.manyflux_media import common_directions
+    from glazejax.radiative.manyflux.media import common_directions
 
     common = common_directions(pieces)
     return np.sqrt(common.end**2 - common.beyond)

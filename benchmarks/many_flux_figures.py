@@ -55,8 +55,8 @@ def draw_modes_and_depths(out: Results) -> "Figure":
     """Figures 3 and 4."""
     from matplotlib.figure import Figure
 
-    from glazejax.radiative.manyflux_field import manyflux_field
-    from glazejax.radiative.phase import henyey_greenstein
+    from glazejax.radiative.common.phase import henyey_greenstein
+    from glazejax.radiative.manyflux.field import manyflux_field
 
     figure = Figure(figsize=(13, 8.5), layout="constrained")
     panels = figure.subplots(2, 4)
@@ -107,11 +107,11 @@ def mode_shapes() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Angles from the downward normal (radians), radiance of each mode over them, decays per optical depth."""
     import jax.numpy as jnp
 
-    from glazejax.radiative.manyflux_bordered import Diagonal
-    from glazejax.radiative.manyflux_directions import Spread, spread_directions
-    from glazejax.radiative.manyflux_modes import layer_modes
-    from glazejax.radiative.manyflux_phase import associated_legendre, rates, scattering
-    from glazejax.radiative.phase import henyey_greenstein
+    from glazejax.radiative.common.phase import henyey_greenstein
+    from glazejax.radiative.manyflux.bordered import Diagonal
+    from glazejax.radiative.manyflux.directions import Spread, spread_directions
+    from glazejax.radiative.manyflux.eigenmodes import layer_modes
+    from glazejax.radiative.manyflux.scattering import associated_legendre, rates, scattering
 
     rule = spread_directions(1.0, Spread(32, 0, -1.0))
     mu, weights = jnp.asarray(rule.cosines), jnp.asarray(rule.weights)
@@ -198,8 +198,8 @@ def draw_lobes(out: Results) -> "Figure":
 
 def both_lobes(albedo: np.ndarray, g: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Reflected and transmitted factors of layers, (layers, angles)."""
-    from glazejax.radiative.manyflux_free import free_factor
-    from glazejax.radiative.phase import henyey_greenstein
+    from glazejax.radiative.common.phase import henyey_greenstein
+    from glazejax.radiative.manyflux.free import free_factor
 
     found = [
         free_factor(

@@ -32,8 +32,8 @@ def compare() -> Comparison:
     """Run both."""
     from tests.oracles.monte_carlo import Indexed, simulate_fluxes
 
-    from glazejax.radiative.manyflux import brdf_table
-    from glazejax.radiative.phase import henyey_greenstein
+    from glazejax.radiative.common.phase import henyey_greenstein
+    from glazejax.radiative.manyflux.reflectance import brdf_table
 
     cosines = (np.arange(BANDS) + 0.5)[::-1] / BANDS
     azimuth = (np.arange(SECTORS) + 0.5) * 360.0 / SECTORS

@@ -57,8 +57,8 @@ def work() -> Work:
 
 def ours(work: Work, tolerance: float, index: float = 1.0) -> np.ndarray:
     """Reflectance factor, (wavelengths, viewing, incidence, azimuths)."""
-    from glazejax.radiative.manyflux import brdf_table
-    from glazejax.radiative.phase import henyey_greenstein
+    from glazejax.radiative.common.phase import henyey_greenstein
+    from glazejax.radiative.manyflux.reflectance import brdf_table
 
     table = brdf_table(
         work.albedo,

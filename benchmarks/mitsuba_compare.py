@@ -21,22 +21,12 @@ from jaxtyping import Float
 import glazejax as gj
 from benchmarks.results import Results, add_option
 from glazejax.appearance.metals import metal
-from glazejax.appearance.raycast import lamps, trace
-from glazejax.appearance.scene import (
-    Box,
-    Camera,
-    Conductor,
-    Glazed,
-    Lambert,
-    Material,
-    ParallelLight,
-    Plane,
-    PointLight,
-    Scene,
-    Shape,
-    Sphere,
-)
-from glazejax.appearance.scene_render import render
+from glazejax.appearance.scene.lights import ParallelLight, PointLight
+from glazejax.appearance.scene.materials import Conductor, Glazed, Lambert, Material
+from glazejax.appearance.scene.rays import lamps, trace
+from glazejax.appearance.scene.render import render
+from glazejax.appearance.scene.scene import Camera, Scene
+from glazejax.appearance.scene.shapes import Box, Plane, Shape, Sphere
 
 VARIANT = "scalar_spectral"
 WAVELENGTHS = np.arange(400.0, 701.0, 10.0)
@@ -101,7 +91,7 @@ def theirs(case: Case, samples: int) -> Float[np.ndarray, "h w 3"]:
     """XYZ by Mitsuba."""
     import mitsuba as mi  # pyright: ignore[reportMissingImports]
 
-    from glazejax.appearance.mitsuba_scene import mitsuba_scene
+    from glazejax.appearance.scene.mitsuba import mitsuba_scene
 
     mi.set_variant(VARIANT)
     with tempfile.TemporaryDirectory() as folder:

@@ -18,12 +18,16 @@ from benchmarks.results import Results, add_option
 from benchmarks.timing import environment
 from glazejax import colour
 from glazejax.appearance import shading
-from glazejax.appearance.display import Display
+from glazejax.appearance.display.display import Display
+from glazejax.appearance.display.tone import ToneCurve, look_up
 from glazejax.appearance.interreflection import all_bounces, one_bounce
 from glazejax.appearance.metals import metal
-from glazejax.appearance.tone import ToneCurve, look_up
-from glazejax.cli import start_jax
-from glazejax.radiative.fresnel import cook_torrance_reflectance, hall_extinction, hall_reflectance
+from glazejax.commands.main import start_jax
+from glazejax.radiative.common.fresnel import (
+    cook_torrance_reflectance,
+    hall_extinction,
+    hall_reflectance,
+)
 
 GRID = np.arange(400.0, 701.0, 5.0)
 PRINTED = np.array([[4.784, -2.342, -0.694], [-1.481, 2.592, 0.037], [0.045, -0.169, 0.894]])

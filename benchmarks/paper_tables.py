@@ -21,11 +21,11 @@ import numpy as np
 from benchmarks.results import Results, add_option
 from benchmarks.timing import environment, interleaved
 from glazejax import catalogue, colour, stack_reflectance_factor
-from glazejax.radiative import assembly
-from glazejax.radiative.auxiliary import reflectance_factor
-from glazejax.radiative.contraction import solve_contraction
-from glazejax.radiative.kernel_table import KernelTable
-from glazejax.radiative.linalg import solve_positive
+from glazejax.radiative.auxiliary import assembly
+from glazejax.radiative.auxiliary.contraction import solve_contraction
+from glazejax.radiative.auxiliary.kernel_table import KernelTable
+from glazejax.radiative.auxiliary.uniform import reflectance_factor
+from glazejax.radiative.common.linalg import solve_positive
 
 WAVELENGTHS = np.arange(380.0, 781.0, 10.0)
 INDEX, GROUND, THICKNESS = 1.5, 1.0, 12e-6

@@ -15,17 +15,17 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.kubelka_munk import KubelkaMunk
 from benchmarks.measured import measured_data
 from benchmarks.results import Results, add_option
 from benchmarks.timing import environment
-from glazefit.crossvalidation import LeftOut, leave_films_out
-from glazefit.films import Films, Instrument
-from glazefit.joint import recover_jointly
-from glazefit.joint_problem import Expectations
-from glazefit.km import KubelkaMunk
-from glazefit.mixing import MixingLaw
-from glazefit.readers import read_films, read_names
-from glazejax.cli import start_jax
+from glazefit.film.films import Films, Instrument
+from glazefit.film.mixing import MixingLaw
+from glazefit.film.readers import read_films, read_names
+from glazefit.recover.crossvalidation import LeftOut, leave_films_out
+from glazefit.recover.joint import recover_jointly
+from glazefit.recover.joint_problem import Expectations
+from glazejax.commands.main import start_jax
 
 Recipes = dict[str, dict[str, float]]
 

@@ -24,7 +24,7 @@ import numpy as np
 from benchmarks.peers import ours, two_layers
 from benchmarks.results import Results, add_option
 from benchmarks.timing import environment
-from glazejax.radiative.resolution import resolve_known
+from glazejax.radiative.ordinates.resolution import resolve_known
 
 PARTS = ("modes", "assemble", "inverse", "eliminate")
 REPETITIONS = 100

@@ -87,7 +87,7 @@ def scenes() -> dict[str, tuple[str, dict[str, Any]]]:
 
 
 def savings_table(say: Results) -> None:
-    from glazejax.radiative.plan import Savings, plan_stacks
+    from glazejax.radiative.plan.plan import Savings, plan_stacks
 
     none = Savings(*(False for _ in Savings._fields))
     say(f"{'saving':<12} {'scene':<58} {'ms off':>7} {'ms on':>7} {'ratio':>6} change/tolerance")

@@ -18,10 +18,12 @@ import glazejax as gj
 from benchmarks.results import Results, add_option
 from benchmarks.strokes import brush_strokes
 from benchmarks.timing import environment
-from glazejax.appearance.scene import Box, Camera, Glazed, Lambert, ParallelLight, Plane, PointLight, Scene, Sphere
-from glazejax.appearance.scene_lights import lamp
-from glazejax.appearance.scene_picture import light_white, picture_xyz, save_png, screen_picture
-from glazejax.appearance.scene_render import render
+from glazejax.appearance.scene.lights import ParallelLight, PointLight, lamp
+from glazejax.appearance.scene.materials import Glazed, Lambert
+from glazejax.appearance.scene.picture import light_white, picture_xyz, save_png, screen_picture
+from glazejax.appearance.scene.render import render
+from glazejax.appearance.scene.scene import Camera, Scene
+from glazejax.appearance.scene.shapes import Box, Plane, Sphere
 
 WAVELENGTHS = np.arange(400.0, 701.0, 10.0)
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from glazejax.cli import app
-from glazejax.cli_convert import parse_grid, register
+from glazejax.commands.convert import parse_grid, register
+from glazejax.commands.main import app
 from glazejax.io import SpectraTable, read_spectra, write_spectra
 
 from .io.samples import GRID, spectra

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from glazejax import Mixture, Pigment
-from glazejax.describe import (
+from glazejax.paint.describe import (
     describe_bands,
     find_name,
     format_length,

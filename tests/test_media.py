@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from glazejax.media import Glaze, Layer, Mixture, Pigment
+from glazejax.paint.media import Glaze, Layer, Mixture, Pigment
 
 GRID = np.array([400.0, 500.0, 600.0])
 RED = Pigment("red", GRID, [9e4, 6e4, 1e3], [1e4, 2e4, 9e4])

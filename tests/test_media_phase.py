@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import glazejax as gj
-from glazejax.radiative.manyflux import manyflux_reflectance_factor
-from glazejax.radiative.phase import henyey_greenstein
+from glazejax.radiative.common.phase import henyey_greenstein
+from glazejax.radiative.manyflux.reflectance import manyflux_reflectance_factor
 
 GRID = [500.0, 600.0]
 FORWARD = gj.Pigment("forward", GRID, [1e4, 2e4], [2e5, 1e5], phase=henyey_greenstein(0.5, 6))

@@ -2,7 +2,7 @@
 
 import pytest
 
-from glazejax.outputs import check_output
+from glazejax.io.outputs import check_output
 
 
 def test_free_names_and_files_that_may_be_replaced(tmp_path):

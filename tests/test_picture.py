@@ -5,7 +5,7 @@ import pytest
 
 import glazejax as gj
 from glazejax import colour
-from glazejax.radiative.plan import ALL
+from glazejax.radiative.plan.plan import ALL
 
 GRID = np.arange(400.0, 701.0, 30.0)
 SIZE = (24, 32)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from glazejax.pigment_table import read_pigments
+from glazejax.paint.pigment_table import read_pigments
 
 HEADER = "pigment,wavelength_nm,absorption,scattering,absorption_sd,scattering_sd,identifiable\n"
 GOOD = HEADER + "A,400,10,20,1,2,True\nA,410,11,21,1,2,false\nB,400,1,2,0.1,inf,True\nB,410,3,4,0.1,0.2,True\n"

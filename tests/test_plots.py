@@ -4,7 +4,8 @@ import pytest
 
 from glazejax import Bidirectional, Glaze, Layer, Pigment, plots
 from glazejax.colour import lab, srgb
-from glazejax.rendering import render
+from glazejax.commands.plots import glaze_figure
+from glazejax.commands.rendering import render
 
 W = np.arange(400.0, 701.0, 20.0)
 RED = Pigment("Red", W, 2e5 * np.exp(-0.5 * ((W - 520) / 40) ** 2) + 500, np.full(W.size, 3e3))
@@ -19,7 +20,7 @@ def rendering():
 
 @pytest.fixture(scope="module")
 def figure(rendering):
-    return plots.glaze_figure(rendering, ["Red", "Blue", "Nothing"], title="T" * 300, coat="Red 1 µm", marked=3)
+    return glaze_figure(rendering, ["Red", "Blue", "Nothing"], title="T" * 300, coat="Red 1 µm", marked=3)
 
 
 def test_spectra_drawn_are_those_computed(figure, rendering):
@@ -63,7 +64,7 @@ def test_labels_of_curves_stay_apart_and_inside(figure):
 
 
 def test_long_titles_shrink_and_are_cut_to_fit(figure, rendering):
-    longer = plots.glaze_figure(rendering, ["Red", "Blue", "Nothing"], title="Word " * 21)
+    longer = glaze_figure(rendering, ["Red", "Blue", "Nothing"], title="Word " * 21)
     cut, whole = figure.texts[0], longer.texts[0]
     for title in (cut, whole):
         assert title.get_window_extent().width <= 0.951 * figure.bbox.width
@@ -75,7 +76,7 @@ def test_long_titles_shrink_and_are_cut_to_fit(figure, rendering):
 
 def test_one_layer_shows_rungs_of_its_ladder():
     result = render(Glaze([Layer(RED, 1e-6)], 0.9), Bidirectional(), coats=12, tolerance=1e-4)
-    lines = {line.get_label(): line.get_ydata() for line in plots.glaze_figure(result, ["Red"]).axes[0].lines}
+    lines = {line.get_label(): line.get_ydata() for line in glaze_figure(result, ["Red"]).axes[0].lines}
     assert set(lines) == {"bare ground", "the glaze", "5 coats", "10 coats"}
     np.testing.assert_array_equal(lines["10 coats"], result.ladder.glaze[10])
 
@@ -88,14 +89,14 @@ def test_picture_is_written_in_the_size_promised(figure, tmp_path):
 
 def test_names_must_match(rendering):
     with pytest.raises(ValueError, match="1 names were given for 3 layers"):
-        plots.glaze_figure(rendering, ["Red"])
+        glaze_figure(rendering, ["Red"])
 
 
 def test_drawing_leaves_the_style_alone(rendering):
     import matplotlib
 
     before = dict(matplotlib.rcParams)
-    plots.glaze_figure(rendering, ["Red", "Blue", "Nothing"])
+    glaze_figure(rendering, ["Red", "Blue", "Nothing"])
     assert dict(matplotlib.rcParams) == before
 
 

@@ -1,4 +1,4 @@
-"""The command `glazejax render`, called through `glazejax.cli.main` as a user calls it."""
+"""The command `glazejax render`, called through `glazejax.commands.main.main` as a user calls it."""
 
 import os
 import re
@@ -10,10 +10,12 @@ import pytest
 import typer
 
 import glazejax
-from glazejax import Bidirectional, Glaze, Hemispherical, Layer, Mixture, Pigment, cli, cli_render
+from glazejax import Bidirectional, Glaze, Hemispherical, Layer, Mixture, Pigment
 from glazejax.colour import lab, xyz
+from glazejax.commands import main as cli
+from glazejax.commands import render as cli_render
 from glazejax.io import read_spectra
-from glazejax.pigment_table import read_pigments
+from glazejax.paint.pigment_table import read_pigments
 
 W = np.arange(400.0, 701.0, 20.0)
 HEADER = "pigment,wavelength_nm,absorption,scattering,absorption_sd,scattering_sd,identifiable"
@@ -256,7 +258,7 @@ def test_help_fits_and_tells_defaults(run):
 def test_the_installed_command(tmp_path):
     """End to end, with the catalogue, in another process; also that nothing but its own words reaches the screen."""
     environment = {**os.environ, "COLUMNS": "80", "GLAZEJAX_CACHE": str(tmp_path / "cache")}
-    program = [sys.executable, "-c", "from glazejax.cli import main; main()", "render"]
+    program = [sys.executable, "-c", "from glazejax.commands.main import main; main()", "render"]
 
     def call(*arguments):
         return subprocess.run(

@@ -6,8 +6,8 @@ import pytest
 
 from glazejax import Bidirectional, Glaze, Hemispherical, Layer, Mixture, Pigment, reflectance
 from glazejax.colour import lab
-from glazejax.radiative.fresnel import dielectric_reflectance
-from glazejax.rendering import render
+from glazejax.commands.rendering import render
+from glazejax.radiative.common.fresnel import dielectric_reflectance
 
 W = np.arange(400.0, 701.0, 20.0)
 TOLERANCE = 1e-6

@@ -6,7 +6,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.interpolate import make_interp_spline
 
-from glazejax.spectra import DEFAULT_WAVELENGTHS, as_fraction, describe_grid, resample, validate_wavelengths
+from glazejax.spectra import (
+    DEFAULT_WAVELENGTHS,
+    as_fraction,
+    describe_grid,
+    resample,
+    validate_wavelengths,
+)
 
 
 def test_default_grid_is_that_of_the_paper():

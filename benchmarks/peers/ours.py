@@ -10,8 +10,9 @@ import numpy as np
 
 from benchmarks.peers import Work
 from glazejax import stack_reflectance_factor
-from glazejax.radiative import auxiliary, ordinates
-from glazejax.radiative.directions import Resolution
+from glazejax.radiative.auxiliary import uniform as auxiliary
+from glazejax.radiative.common.directions import Resolution
+from glazejax.radiative.ordinates import solver as ordinates
 
 TOLERANCES = tuple(10.0**-k for k in range(2, 11))
 STEPS = (0.16, 0.08, 0.04, 0.02, 0.01)

@@ -16,7 +16,14 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from .spectra import Grid, Numbers, Spectra, as_float_array, describe_grid, validate_wavelengths
+from .spectra import (
+    Grid,
+    Numbers,
+    Spectra,
+    as_float_array,
+    describe_grid,
+    validate_wavelengths,
+)
 
 CIE_1931 = "CIE 1931 2 Degree Standard Observer"
 _OBSERVERS = (

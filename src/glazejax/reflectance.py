@@ -6,9 +6,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .geometry import Bidirectional, Geometry, Hemispherical
-from .media import Glaze
-from .radiative.fresnel import dielectric_reflectance
-from .radiative.stack import Method, stack_hemispherical_reflectance, stack_reflectance_factor
+from .paint.media import Glaze
+from .radiative.common.fresnel import dielectric_reflectance
+from .radiative.stack import (
+    Method,
+    stack_hemispherical_reflectance,
+    stack_reflectance_factor,
+)
 
 
 def reflectance(
@@ -50,7 +54,7 @@ def reflectance(
             if phase is None:
                 diffuse = stack_reflectance_factor(*stack, **directions, **given)
             else:
-                from .radiative.manyflux import manyflux_reflectance_factor
+                from .radiative.manyflux.reflectance import manyflux_reflectance_factor
 
                 diffuse = manyflux_reflectance_factor(*stack, **directions, azimuth=azimuth, **given)
             mirror = jnp.asarray(geometry.incidence) == jnp.asarray(geometry.viewing)
@@ -59,7 +63,7 @@ def reflectance(
             if phase is None:
                 solve = stack_hemispherical_reflectance
             else:
-                from .radiative.manyflux import manyflux_hemispherical_reflectance as solve
+                from .radiative.manyflux.reflectance import manyflux_hemispherical_reflectance as solve
             diffuse = solve(*stack, cos_incidence=geometry.cos_incidence, **given)
             mirror = True
         case _:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from glazejax.appearance.scene import Scene
+from glazejax.appearance.scene.scene import Scene
 
 GRID = np.arange(400.0, 701.0, 30.0)
 

@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from glazejax.appearance.display import Display
-from glazejax.appearance.tone import ToneCurve, look_up
+from glazejax.appearance.display.display import Display
+from glazejax.appearance.display.tone import ToneCurve, look_up
 from glazejax.colour import colour_science
 
 PRINTED = np.array([[4.784, -2.342, -0.694], [-1.481, 2.592, 0.037], [0.045, -0.169, 0.894]])

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import glazejax as gj
-from glazejax.appearance.glaze_material import GlazeTable, glaze_table
-from glazejax.media import MAX_THICKNESS
-from glazejax.radiative.fresnel import dielectric_reflectance
+from glazejax.appearance.glaze.table import GlazeTable, glaze_table
+from glazejax.paint.media import MAX_THICKNESS
+from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.spectra import Numbers
 
 WAVELENGTHS = np.array([420.0, 480.0, 540.0, 600.0, 660.0])

@@ -10,7 +10,7 @@ import pytest
 
 from glazejax import colour
 from glazejax.appearance.metals import SOURCES, metal
-from glazejax.radiative.fresnel import (
+from glazejax.radiative.common.fresnel import (
     conductor_reflectance,
     cook_torrance_reflectance,
     dielectric_reflectance,

@@ -10,11 +10,19 @@ import pytest
 from benchmarks.mitsuba_compare import VARIANT, WAVELENGTHS, cases, differences, on_objects, ours, theirs
 
 import glazejax as gj
-from glazejax.appearance.glaze_material import glaze_table
-from glazejax.appearance.mitsuba_export import export_glaze, measured_fields, reflectance_in_mitsuba, write_tensor_file
-from glazejax.appearance.mitsuba_scene import mitsuba_scene
-from glazejax.appearance.scene import Camera, Lambert, ParallelLight, Phong, Plane
-from glazejax.radiative.fresnel import dielectric_reflectance
+from glazejax.appearance.glaze.mitsuba import (
+    export_glaze,
+    measured_fields,
+    reflectance_in_mitsuba,
+    write_tensor_file,
+)
+from glazejax.appearance.glaze.table import glaze_table
+from glazejax.appearance.scene.lights import ParallelLight
+from glazejax.appearance.scene.materials import Lambert, Phong
+from glazejax.appearance.scene.mitsuba import mitsuba_scene
+from glazejax.appearance.scene.scene import Camera
+from glazejax.appearance.scene.shapes import Plane
+from glazejax.radiative.common.fresnel import dielectric_reflectance
 
 from .scenes import scene
 
@@ -129,5 +137,5 @@ def test_what_mitsuba_has_no_counterpart_of(mitsuba, tmp_path):
 
 
 def test_export_needs_no_mitsuba():
-    code = "import sys; import glazejax.appearance.mitsuba_export; assert 'mitsuba' not in sys.modules"
+    code = "import sys; import glazejax.appearance.glaze.mitsuba; assert 'mitsuba' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True, timeout=120)

@@ -4,22 +4,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from glazejax.appearance.raycast import lamps, trace
-from glazejax.appearance.raycast_shapes import Hit, make_geometry, nearest, rotation, surface
-from glazejax.appearance.scene import (
-    Box,
-    Camera,
-    Conductor,
-    Lambert,
-    Mesh,
-    ParallelLight,
-    Phong,
-    Plane,
-    PointLight,
-    Sphere,
-)
-from glazejax.appearance.scene_render import render
-from glazejax.radiative.fresnel import conductor_reflectance
+from glazejax.appearance.scene.intersect import Hit, make_geometry, nearest, rotation, surface
+from glazejax.appearance.scene.lights import ParallelLight, PointLight
+from glazejax.appearance.scene.materials import Conductor, Lambert, Phong
+from glazejax.appearance.scene.rays import lamps, trace
+from glazejax.appearance.scene.render import render
+from glazejax.appearance.scene.scene import Camera
+from glazejax.appearance.scene.shapes import Box, Mesh, Plane, Sphere
+from glazejax.radiative.common.fresnel import conductor_reflectance
 
 from .scenes import GRID, scene
 

@@ -7,10 +7,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from glazejax import cli, cli_scene
-from glazejax.appearance import scene_file
-from glazejax.appearance.scene import Box, Mesh, Plane, PointLight, Sphere
-from glazejax.appearance.scene_render import render
+from glazejax.appearance.scene import file as scene_file
+from glazejax.appearance.scene.lights import PointLight
+from glazejax.appearance.scene.render import render
+from glazejax.appearance.scene.shapes import Box, Mesh, Plane, Sphere
+from glazejax.commands import main as cli
+from glazejax.commands import scene as cli_scene
 
 SMALL = """
 [picture]
@@ -225,7 +227,7 @@ def test_what_the_command_refuses(arguments, words, quiet_start, tmp_path, monke
 
 
 def test_an_interrupted_command_writes_what_is_done(write, tmp_path, quiet_start, monkeypatch):
-    from glazejax.appearance import scene_render
+    from glazejax.appearance.scene import render as scene_render
 
     shade = scene_render._Work._shade
 
@@ -245,4 +247,4 @@ def test_an_interrupted_command_writes_what_is_done(write, tmp_path, quiet_start
 def test_the_example_is_printed():
     done = run("--example")
     assert done.output == scene_file.example()
-    assert Path(scene_file.__file__).with_name("scene_example.toml").read_text() == done.output
+    assert Path(scene_file.__file__).with_name("example.toml").read_text() == done.output

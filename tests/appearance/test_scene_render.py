@@ -9,27 +9,22 @@ import pytest
 
 import glazejax as gj
 from glazejax import colour
-from glazejax.appearance.raycast import lamps, trace
-from glazejax.appearance.raycast_shade import radiance, sample_map
-from glazejax.appearance.scene import (
-    Box,
-    Camera,
-    Conductor,
-    Glazed,
-    Lambert,
-    Mesh,
-    ParallelLight,
-    Phong,
-    Plane,
-    PointLight,
-    Scene,
-    Sphere,
+from glazejax.appearance.scene.lights import ParallelLight, PointLight, lamp, lamp_on_bands, measured_lamp
+from glazejax.appearance.scene.materials import Conductor, Glazed, Lambert, Phong
+from glazejax.appearance.scene.picture import (
+    light_white,
+    picture_xyz,
+    save_png,
+    save_spectral,
+    screen_picture,
 )
-from glazejax.appearance.scene_lights import lamp, lamp_on_bands, measured_lamp
-from glazejax.appearance.scene_picture import light_white, picture_xyz, save_png, save_spectral, screen_picture
-from glazejax.appearance.scene_render import render
-from glazejax.appearance.scene_seen import needed_bands
-from glazejax.radiative.fresnel import conductor_reflectance, dielectric_reflectance
+from glazejax.appearance.scene.rays import lamps, trace
+from glazejax.appearance.scene.render import render
+from glazejax.appearance.scene.scene import Camera, Scene
+from glazejax.appearance.scene.seen import needed_bands
+from glazejax.appearance.scene.shade import radiance, sample_map
+from glazejax.appearance.scene.shapes import Box, Mesh, Plane, Sphere
+from glazejax.radiative.common.fresnel import conductor_reflectance, dielectric_reflectance
 from glazejax.spectra import Numbers
 
 from .scenes import GRID, scene
@@ -206,7 +201,7 @@ def test_an_interrupted_picture_keeps_what_it_has(monkeypatch):
         if words == "computing spectra" and share > 0.5:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr("glazejax.appearance.scene_render.TILE", 2**11)
+    monkeypatch.setattr("glazejax.appearance.scene.render.TILE", 2**11)
     rendered = render(made, progress=stop)
     done = np.isfinite(rendered.radiance[..., 0])
     assert 0 < done.mean() < 1

@@ -7,7 +7,7 @@ import pytest
 
 from glazejax import colour
 from glazejax.appearance import shading
-from glazejax.radiative.fresnel import conductor_reflectance
+from glazejax.radiative.common.fresnel import conductor_reflectance
 
 GRID = np.arange(400.0, 701.0, 5.0)
 

@@ -7,7 +7,7 @@ import pytest
 from typer.testing import CliRunner
 
 from glazefit import simulate_films
-from glazefit.cli_identify import register
+from glazefit.identify.command import register
 from glazejax import catalogue
 from glazejax.io import write_table
 
@@ -79,7 +79,7 @@ def test_ground_must_be_a_reflectance_a_file_or_said(table, tmp_path):
 
 
 def test_help_names_the_options_and_starts_quickly():
-    program = "import sys, glazefit.cli_identify; sys.exit('jax' in sys.modules or 'matplotlib' in sys.modules)"
+    program = "import sys, glazefit.identify.command; sys.exit('jax' in sys.modules or 'matplotlib' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
     text = run("--help").output
     assert "nothing in the catalogue" in text

@@ -6,10 +6,10 @@ import matplotlib.image
 import numpy as np
 import pytest
 
-import glazefit.recipe
-import glazejax.cli
+import glazejax.commands.main
 from glazefit import colourchecker_targets
-from glazejax.cli import main
+from glazefit.recipe import recipe
+from glazejax.commands.main import main
 from glazejax.io import read_spectra
 
 from .palette import GRID, palette
@@ -20,7 +20,7 @@ def run(monkeypatch, tmp_path, capsys):
     """Run the command on the made-up paints; gives exit status, output and errors."""
     monkeypatch.chdir(tmp_path)
     # The tests set JAX up themselves.
-    monkeypatch.setattr(glazejax.cli, "start_jax", lambda: None)
+    monkeypatch.setattr(glazejax.commands.main, "start_jax", lambda: None)
     monkeypatch.setenv("COLUMNS", "100")
     with open("paints.csv", "w", newline="") as file:
         rows = csv.writer(file)
@@ -103,9 +103,9 @@ def test_an_interrupt_keeps_what_is_finished(run, monkeypatch):
     def _first_of(groups):
         yield next(groups)
 
-    real = glazefit.recipe.recipe_chunks
-    monkeypatch.setattr(glazefit.recipe, "recipe_chunks", cut_short)
-    monkeypatch.setattr(glazefit.recipe, "GROUP", 1)
+    real = recipe.recipe_chunks
+    monkeypatch.setattr(recipe, "recipe_chunks", cut_short)
+    monkeypatch.setattr(recipe, "GROUP", 1)
     status, out, _ = run("--patch", "red,blue", "--max-layers", 1, "--max-paints", 2, "--count", 1)
     assert status == 130
     assert "Interrupted: 1 of 2 targets were finished and written" in out

@@ -4,11 +4,11 @@ import sys
 import numpy as np
 import pytest
 
-import glazejax.cli
+import glazejax.commands.main
 from glazefit import Films, Instrument, Noise, recover_films, simulate_films
-from glazefit.recover import recover_chunks
-from glazefit.report import ranges, slug
-from glazejax.cli import main
+from glazefit.recover.film_by_film import recover_chunks
+from glazefit.recover.report import ranges, slug
+from glazejax.commands.main import main
 
 GRID = np.arange(400.0, 701.0, 10.0)
 
@@ -18,7 +18,7 @@ def run(monkeypatch, tmp_path, capsys):
     """Run the command; gives exit status, output and errors."""
     monkeypatch.chdir(tmp_path)
     # The tests set JAX up themselves.
-    monkeypatch.setattr(glazejax.cli, "start_jax", lambda: None)
+    monkeypatch.setattr(glazejax.commands.main, "start_jax", lambda: None)
     monkeypatch.setenv("COLUMNS", "200")
 
     def call(*words):
@@ -94,7 +94,7 @@ def test_interrupt_keeps_what_is_finished(run, tmp_path, films, monkeypatch):
         yield next(recover_chunks(films.take([0]), instrument=instrument, noise=noise))
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("glazefit.recover.recover_chunks", interrupted)
+    monkeypatch.setattr("glazefit.recover.film_by_film.recover_chunks", interrupted)
     status, out, _ = run(write(tmp_path / "f.tsv", films), "--out", "res", "--no-plots")
     assert status == 130
     assert "1 of 2 films" in out

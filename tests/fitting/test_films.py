@@ -5,8 +5,8 @@ import pytest
 from scipy.integrate import quad
 
 from glazefit import Films, Instrument, Noise, read_films
-from glazefit.films import card_reflectance, cards, diffuse_internal_reflectance
-from glazefit.readers import is_masstone, read_names, readable_names
+from glazefit.film.films import card_reflectance, cards, diffuse_internal_reflectance
+from glazefit.film.readers import is_masstone, read_names, readable_names
 from glazejax import Hemispherical
 
 ROWS = {"b": [5.0, 5.0, 5.0], "w": [80.0, 84.0, 85.0], "ob": [10.0, 12.0, 14.0], "ow": [30.0, 35.0, 40.0]}

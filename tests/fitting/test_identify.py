@@ -3,9 +3,26 @@ from typing import Any
 import numpy as np
 import pytest
 
-from glazefit import Discrepancy, Identification, Prior, ground_from_air, identify, identify_films, simulate_films
-from glazefit.evidence import smooth_kernel
-from glazejax import Bidirectional, Glaze, Hemispherical, Layer, Mixture, Pigment, catalogue, reflectance
+from glazefit import (
+    Discrepancy,
+    Identification,
+    Prior,
+    ground_from_air,
+    identify,
+    identify_films,
+    simulate_films,
+)
+from glazefit.film.errors import smooth_kernel
+from glazejax import (
+    Bidirectional,
+    Glaze,
+    Hemispherical,
+    Layer,
+    Mixture,
+    Pigment,
+    catalogue,
+    reflectance,
+)
 
 GRID = np.arange(400.0, 701.0, 10.0)
 NAMES = ("ZincWhite", "PrussianBlue", "Vermillion", "CobaltBlue", "ChromeYellow", "ViridianGreen", "Cochineal")

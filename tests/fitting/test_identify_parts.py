@@ -4,11 +4,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from benchmarks.shades import ShadeLibrary
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
-from glazefit.candidates import Paints, amounts_grid, grow, sets_of, unique_best
-from glazefit.evidence import (
+from glazefit.film.errors import (
     Discrepancy,
     coefficient_covariance,
     coefficient_errors,
@@ -18,10 +18,10 @@ from glazefit.evidence import (
     relative_errors,
     whiten,
 )
-from glazefit.identify_fit import Weights, fit_sets, inverse_small, log_prior
-from glazefit.identify_shades import ShadeLibrary
-from glazefit.identify_stacks import orders
-from glazefit.response import film_response
+from glazefit.film.response import film_response
+from glazefit.identify.fit import Weights, fit_sets, inverse_small, log_prior
+from glazefit.identify.screen import Paints, amounts_grid, grow, sets_of, unique_best
+from glazefit.identify.two_coats import orders
 from glazejax import Hemispherical, Pigment
 from glazejax.io import read_spectra
 

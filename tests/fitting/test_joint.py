@@ -7,15 +7,21 @@ import numpy as np
 import pytest
 from jax.flatten_util import ravel_pytree
 
-from glazefit.crossvalidation import leave_films_out
-from glazefit.films import Films, Instrument, Noise
-from glazefit.joint import pose, recover_jointly, spread
-from glazefit.joint_problem import Expectations, Unknowns, curvature_matrix, heavy_tail, residuals
-from glazefit.joint_solver import JointSteps, covariance, factorise, normal_matrix
-from glazefit.mixing import MixingLaw, weight_table
-from glazefit.prediction import predict_films
-from glazefit.response import film_response
-from glazefit.simulate import simulate_films
+from glazefit.film.films import Films, Instrument, Noise
+from glazefit.film.mixing import MixingLaw, weight_table
+from glazefit.film.response import film_response
+from glazefit.film.simulate import simulate_films
+from glazefit.recover.crossvalidation import leave_films_out
+from glazefit.recover.joint import pose, recover_jointly, spread
+from glazefit.recover.joint_problem import (
+    Expectations,
+    Unknowns,
+    curvature_matrix,
+    heavy_tail,
+    residuals,
+)
+from glazefit.recover.joint_solver import JointSteps, covariance, factorise, normal_matrix
+from glazefit.recover.prediction import predict_films
 
 PAINTS = ("CobaltBlue", "ZincWhite", "BoneBlack")
 RECIPES = {

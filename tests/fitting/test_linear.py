@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from glazefit.linear import GramSchmidt, orthogonalise
+from glazefit.film.least_squares import GramSchmidt, orthogonalise
 
 
 def solve(matrix, vector):

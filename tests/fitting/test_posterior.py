@@ -13,13 +13,13 @@ from glazefit import (
     posterior_of_film,
     simulate_films,
 )
-from glazefit.posterior_bands import join_bands, pose_bands, prior_covariance, prior_draws
-from glazefit.posterior_errors import pose_errors
-from glazefit.posterior_film import pose_films
-from glazefit.posterior_laplace import find_modes, laplace
-from glazefit.posterior_problem import log_probability, root_of_log1p, uniform_residual
-from glazefit.posterior_reading import readings
-from glazefit.posterior_summary import Numbers, compare
+from glazefit.film.reading import readings
+from glazefit.posterior.bands import join_bands, pose_bands, prior_covariance, prior_draws
+from glazefit.posterior.film import pose_films
+from glazefit.posterior.film_errors import pose_errors
+from glazefit.posterior.laplace import find_modes, laplace
+from glazefit.posterior.problem import log_probability, root_of_log1p, uniform_residual
+from glazefit.posterior.summary import Numbers, compare
 from glazejax import Hemispherical, Pigment
 
 GRID = np.arange(400.0, 701.0, 20.0)

@@ -6,11 +6,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-import glazejax.cli
+import glazejax.commands.main
 from glazefit import posterior_of_bands, simulate_films
-from glazefit.chain import BlockDifference, BlockStretch, Chain, autocorrelation_times, convergence, run_chain
-from glazefit.posterior_problem import Problem
-from glazejax.cli import main
+from glazefit.posterior.chain import (
+    BlockDifference,
+    BlockStretch,
+    Chain,
+    autocorrelation_times,
+    convergence,
+    run_chain,
+)
+from glazefit.posterior.problem import Problem
+from glazejax.commands.main import main
 from tests.fitting.test_cli_recover import write
 
 GRID = np.arange(400.0, 701.0, 50.0)
@@ -180,7 +187,7 @@ def test_files_are_guarded(tmp_path):
 def run(monkeypatch, tmp_path, capsys):
     """Run the command; gives exit status, output and errors."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(glazejax.cli, "start_jax", lambda: None)
+    monkeypatch.setattr(glazejax.commands.main, "start_jax", lambda: None)
     monkeypatch.setenv("COLUMNS", "200")
 
     def call(*words):

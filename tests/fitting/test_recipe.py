@@ -4,7 +4,7 @@ import pytest
 import glazejax as gj
 from glazefit import find_recipes, lab_target, spectral_target
 from glazejax import colour
-from glazejax.describe import make_media, parse_layers
+from glazejax.paint.describe import make_media, parse_layers
 
 from .palette import GRID, palette
 

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from glazefit.recipe_bench import Optics, empty_slots, fill_slots, make_bench, readings
-from glazefit.recipe_choose import packed, roundings
-from glazefit.recipe_refine import colour_metric
-from glazefit.targets import colourchecker_targets, lab_target, spectral_target, srgb_target
+from glazefit.recipe.bench import Optics, empty_slots, fill_slots, make_bench, readings
+from glazefit.recipe.choose import packed, roundings
+from glazefit.recipe.refine import colour_metric
+from glazefit.recipe.targets import colourchecker_targets, lab_target, spectral_target, srgb_target
 from glazejax import Bidirectional, colour
 
 from .palette import GRID, palette
@@ -45,7 +45,7 @@ def test_an_empty_coat_is_no_coat(bench):
 def test_slots_hold_a_stack(bench):
     from jax import vmap
 
-    from glazefit.recipe_bench import amounts
+    from glazefit.recipe.bench import amounts
 
     sizes = stacks(20, 2)
     sizes = sizes[(sizes > 0).sum(axis=(1, 2)) <= 6]

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from glazefit import Instrument, Noise, read_films, recover_films, simulate_films
-from glazefit.gloss import estimate_gloss
-from glazefit.model import body_reflectance, tabulate
-from glazefit.readers import is_masstone, read_names, readable_names
-from glazefit.recover import CHUNK, Prior, pose, recover_chunks, solve, starts
+from glazefit.film.gloss import estimate_gloss
+from glazefit.film.model import body_reflectance, tabulate
+from glazefit.film.readers import is_masstone, read_names, readable_names
+from glazefit.recover.film_by_film import CHUNK, Prior, pose, recover_chunks, solve, starts
 from glazejax import Glaze, Hemispherical, Layer, Pigment, reflectance
 
 GRID = np.arange(400.0, 701.0, 10.0)

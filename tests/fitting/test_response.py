@@ -3,7 +3,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from glazefit.response import FilmResponse, film_response
+from glazefit.film.response import FilmResponse, film_response
 from glazejax import Bidirectional, Hemispherical
 from glazejax.radiative.stack import stack_hemispherical_reflectance, stack_reflectance_factor
 

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from glazejax.radiative.fresnel import cos_refracted, dielectric_reflectance
+from glazejax.radiative.common.fresnel import cos_refracted, dielectric_reflectance
 
 
 class Estimate(NamedTuple):

@@ -5,9 +5,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from glazejax.radiative.manyflux import manyflux_hemispherical_reflectance, manyflux_reflectance_factor
-from glazejax.radiative.manyflux_free import free_hemispherical
-from glazejax.radiative.phase import henyey_greenstein
+from glazejax.radiative.common.phase import henyey_greenstein
+from glazejax.radiative.manyflux.free import free_hemispherical
+from glazejax.radiative.manyflux.reflectance import (
+    manyflux_hemispherical_reflectance,
+    manyflux_reflectance_factor,
+)
 
 from .monte_carlo import Indexed, Paint, simulate, simulate_fluxes
 

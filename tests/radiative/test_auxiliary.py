@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 
 from glazejax import stack_reflectance_factor
-from glazejax.radiative import auxiliary
-from glazejax.radiative.auxiliary import reflectance_factor, split_reflectance_factor
-from glazejax.radiative.auxiliary_uniform import Options, solve
-from glazejax.radiative.fresnel import cos_refracted
-from glazejax.radiative.kernel_table import MOST_SEGMENTS, KernelTable
+from glazejax.radiative.auxiliary import uniform as auxiliary
+from glazejax.radiative.auxiliary.kernel_table import MOST_SEGMENTS, KernelTable
+from glazejax.radiative.auxiliary.uniform import reflectance_factor, split_reflectance_factor
+from glazejax.radiative.auxiliary.uniform_solver import Options, solve
+from glazejax.radiative.common.fresnel import cos_refracted
 
 from .cases import CENTRAL, reference_cases
 

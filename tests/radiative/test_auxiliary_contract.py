@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from glazejax import stack_hemispherical_reflectance, stack_reflectance_factor
-from glazejax.radiative.fresnel import dielectric_reflectance
+from glazejax.radiative.common.fresnel import dielectric_reflectance
 
 from .cases import CENTRAL, EDGE_ALBEDO, EDGE_COSINE, EDGE_GROUND, EDGE_THICKNESS, random_cases, reference_cases
 

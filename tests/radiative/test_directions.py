@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from glazejax.radiative.directions import Resolution, half_range
-from glazejax.radiative.fresnel import dielectric_reflectance
-from glazejax.radiative.resolution import flux_error, flux_sums, resolve_known
-from glazejax.radiative.simultaneous import fine_half_range, simultaneous_rule
+from glazejax.radiative.common.directions import Resolution, half_range
+from glazejax.radiative.common.fresnel import dielectric_reflectance
+from glazejax.radiative.common.simultaneous import fine_half_range, simultaneous_rule
+from glazejax.radiative.ordinates.resolution import flux_error, flux_sums, resolve_known
 
 INDICES = (1.0, 1.0001, 1.07, 1.33, 1.5, 2.5)
 

@@ -10,8 +10,13 @@ import pytest
 from scipy import special
 from scipy.integrate import quad
 
-from glazejax.radiative.exponential_integrals import cone_nodes, exp1, expn, internal_reflection_integral
-from glazejax.radiative.fresnel import dielectric_reflectance
+from glazejax.radiative.common.exponential_integrals import (
+    cone_nodes,
+    exp1,
+    expn,
+    internal_reflection_integral,
+)
+from glazejax.radiative.common.fresnel import dielectric_reflectance
 
 POINTS = np.r_[np.geomspace(1e-12, 700, 400), 1.0, np.nextafter(1.0, 0), np.nextafter(1.0, 2)]
 

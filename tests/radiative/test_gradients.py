@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import quad
 
 from glazejax import stack_hemispherical_reflectance, stack_reflectance_factor
-from glazejax.radiative.fresnel import dielectric_reflectance
+from glazejax.radiative.common.fresnel import dielectric_reflectance
 
 from .cases import CENTRAL, FORWARD, LAYERS, random_cases, reference_cases
 

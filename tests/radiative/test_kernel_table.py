@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from glazejax.radiative.fresnel import dielectric_reflectance
-from glazejax.radiative.kernel_table import MOST_SEGMENTS, KernelTable
+from glazejax.radiative.auxiliary.kernel_table import MOST_SEGMENTS, KernelTable
+from glazejax.radiative.common.fresnel import dielectric_reflectance
 
 
 def reflectance(mu, n):

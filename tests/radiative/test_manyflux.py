@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from glazejax import stack_hemispherical_reflectance, stack_reflectance_factor
-from glazejax.radiative.fresnel import dielectric_reflectance
-from glazejax.radiative.manyflux import (
+from glazejax.radiative.common.fresnel import dielectric_reflectance
+from glazejax.radiative.common.phase import henyey_greenstein, two_term_henyey_greenstein
+from glazejax.radiative.manyflux.reflectance import (
     brdf_table,
     manyflux_diffuse_reflectance,
     manyflux_hemispherical_reflectance,
     manyflux_reflectance_factor,
 )
-from glazejax.radiative.phase import henyey_greenstein, two_term_henyey_greenstein
 from glazejax.radiative.stack import split_reflectance_factor
 
 from .cases import CENTRAL, reference_cases

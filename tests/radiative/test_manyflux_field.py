@@ -5,10 +5,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from glazejax.radiative.fresnel import cos_refracted, dielectric_reflectance
-from glazejax.radiative.manyflux import manyflux_hemispherical_reflectance, manyflux_reflectance_factor
-from glazejax.radiative.manyflux_field import manyflux_field
-from glazejax.radiative.phase import henyey_greenstein
+from glazejax.radiative.common.fresnel import cos_refracted, dielectric_reflectance
+from glazejax.radiative.common.phase import henyey_greenstein
+from glazejax.radiative.manyflux.field import manyflux_field
+from glazejax.radiative.manyflux.reflectance import (
+    manyflux_hemispherical_reflectance,
+    manyflux_reflectance_factor,
+)
 
 PHASE = henyey_greenstein(np.array([0.6, -0.3]), 8)
 

@@ -7,20 +7,25 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from glazejax.radiative.directions import gauss
-from glazejax.radiative.fresnel import dielectric_reflectance
-from glazejax.radiative.manyflux import (
+from glazejax.radiative.common.directions import gauss
+from glazejax.radiative.common.fresnel import dielectric_reflectance
+from glazejax.radiative.common.phase import henyey_greenstein
+from glazejax.radiative.manyflux.bordered import Bordered
+from glazejax.radiative.manyflux.free import (
+    free_diffuse,
+    free_factor,
+    free_hemispherical,
+    free_regular,
+)
+from glazejax.radiative.manyflux.ground import ground_table
+from glazejax.radiative.manyflux.media import Pieces, common_directions, in_medium
+from glazejax.radiative.manyflux.reflectance import (
     brdf_table,
     manyflux_diffuse_reflectance,
     manyflux_hemispherical_reflectance,
     manyflux_reflectance_factor,
 )
-from glazejax.radiative.manyflux_bordered import Bordered
-from glazejax.radiative.manyflux_free import free_diffuse, free_factor, free_hemispherical, free_regular
-from glazejax.radiative.manyflux_ground import ground_table
-from glazejax.radiative.manyflux_media import Pieces, common_directions, in_medium
-from glazejax.radiative.manyflux_stack import Slab, join, join_in_series
-from glazejax.radiative.phase import henyey_greenstein
+from glazejax.radiative.manyflux.star_product import Slab, join, join_in_series
 
 PHASE = henyey_greenstein(jnp.array([0.6, -0.3]), 12)
 COS = np.array([0.05, 0.6, 1.0])

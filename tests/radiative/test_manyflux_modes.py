@@ -7,14 +7,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from glazejax.radiative.manyflux import brdf_table
-from glazejax.radiative.manyflux_bordered import Bordered, Diagonal
-from glazejax.radiative.manyflux_directions import Spread, spread_directions
-from glazejax.radiative.manyflux_jacobi import symmetric_eigen
-from glazejax.radiative.manyflux_layer import doublings, layer_by_doubling
-from glazejax.radiative.manyflux_modes import layer_by_modes, layer_modes
-from glazejax.radiative.manyflux_phase import associated_legendre, rates, scattering
-from glazejax.radiative.phase import henyey_greenstein
+from glazejax.radiative.common.phase import henyey_greenstein
+from glazejax.radiative.manyflux.bordered import Bordered, Diagonal
+from glazejax.radiative.manyflux.directions import Spread, spread_directions
+from glazejax.radiative.manyflux.doubling import doublings, layer_by_doubling
+from glazejax.radiative.manyflux.eigenmodes import layer_by_modes, layer_modes
+from glazejax.radiative.manyflux.jacobi import symmetric_eigen
+from glazejax.radiative.manyflux.reflectance import brdf_table
+from glazejax.radiative.manyflux.scattering import associated_legendre, rates, scattering
 from glazejax.radiative.twoflux import two_flux_layer
 
 RULE = spread_directions(1.5, Spread(5, 5, 2.0))

@@ -6,13 +6,19 @@ import numpy as np
 import pytest
 from scipy.special import factorial, lpmv
 
-from glazejax.radiative.manyflux_bordered import Bordered, Diagonal
-from glazejax.radiative.manyflux_directions import Spread, fewest_directions, spread_directions
-from glazejax.radiative.manyflux_inverse import inverse, inverse_symmetric
-from glazejax.radiative.manyflux_layer import doublings, layer_by_doubling
-from glazejax.radiative.manyflux_phase import associated_legendre, rates, scattering
-from glazejax.radiative.manyflux_stack import join_all, lambert, lay_over, slab_of_layer, stack_reflection
-from glazejax.radiative.phase import henyey_greenstein
+from glazejax.radiative.common.inverse import inverse, inverse_symmetric
+from glazejax.radiative.common.phase import henyey_greenstein
+from glazejax.radiative.manyflux.bordered import Bordered, Diagonal
+from glazejax.radiative.manyflux.directions import Spread, fewest_directions, spread_directions
+from glazejax.radiative.manyflux.doubling import doublings, layer_by_doubling
+from glazejax.radiative.manyflux.scattering import associated_legendre, rates, scattering
+from glazejax.radiative.manyflux.star_product import (
+    join_all,
+    lambert,
+    lay_over,
+    slab_of_layer,
+    stack_reflection,
+)
 
 TINY = 2.0**-60
 

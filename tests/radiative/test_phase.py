@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from jax.core import Tracer
 
-from glazejax.radiative.phase import (
+from glazejax.radiative.common.phase import (
     check_moments,
     delta_m,
     evaluate,

@@ -10,8 +10,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from glazejax import stack_hemispherical_reflectance, stack_reflectance_factor
-from glazejax.radiative import bounds, closed_form
-from glazejax.radiative.plan import ALL, Savings, plan_stacks
+from glazejax.radiative.plan import bounds, closed_form
+from glazejax.radiative.plan.plan import ALL, Savings, plan_stacks
 
 NONE = Savings(*(False for _ in Savings._fields))
 STACKS, LAYERS = 64, 3

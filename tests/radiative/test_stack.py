@@ -9,7 +9,7 @@ from scipy.integrate import quad
 from scipy.special import expn
 
 from glazejax import stack_hemispherical_reflectance, stack_reflectance_factor
-from glazejax.radiative.fresnel import dielectric_reflectance
+from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.radiative.stack import split_hemispherical_reflectance, split_reflectance_factor
 
 from .cases import random_cases, reference_cases

@@ -15,9 +15,9 @@ import pytest
 from hypothesis import example, given
 
 from glazejax import stack_hemispherical_reflectance, stack_reflectance_factor
-from glazejax.radiative.directions import half_range
-from glazejax.radiative.fresnel import dielectric_reflectance
-from glazejax.radiative.resolution import resolve_known
+from glazejax.radiative.common.directions import half_range
+from glazejax.radiative.common.fresnel import dielectric_reflectance
+from glazejax.radiative.ordinates.resolution import resolve_known
 
 from .cases import (
     EDGE_ALBEDO,

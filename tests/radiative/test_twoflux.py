@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from glazejax.radiative.manyflux import manyflux_diffuse_reflectance
-from glazejax.radiative.phase import henyey_greenstein
+from glazejax.radiative.common.phase import henyey_greenstein
+from glazejax.radiative.manyflux.reflectance import manyflux_diffuse_reflectance
 from glazejax.radiative.twoflux import (
     TwoFluxSlab,
     kubelka_munk_from_radiative,

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..radiative.fresnel import conductor_reflectance
+from ..radiative.common.fresnel import conductor_reflectance
 from ..spectra import Grid, Numbers, as_float_array, describe_grid, validate_wavelengths
 
 _JOHNSON = (

@@ -14,7 +14,7 @@ from importlib.resources import files
 
 import numpy as np
 
-from ..media import Pigment
+from ..paint.media import Pigment
 
 ASSUMED_THICKNESS = 25e-6
 """Thickness of a typical film in m, an assumption."""

@@ -1,9 +1,10 @@
 """Files of spectra in and out: tables, ENVI, CGATS, CxF3, JCAMP-DX, ASD; each format is told by its content."""
 
-from .containers import SpectraCube, SpectraTable
+from .cube import SpectraCube
 from .read import read_cube, read_spectra
 from .resample import resample
 from .sample import read_sample
+from .spectra_table import SpectraTable
 from .write import write_spectra, write_table
 
 __all__ = [

@@ -18,7 +18,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..spectra import MAX_FRACTION, MIN_PERCENT, as_fraction, validate_wavelengths
-from .containers import SpectraTable, listed
+from .spectra_table import SpectraTable, listed
 
 # CxF3's own bound for a reflectance. Above it the unit or the scale that the file declares is wrong.
 MAX_DECLARED = 3.0

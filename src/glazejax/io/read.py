@@ -2,9 +2,10 @@
 
 from pathlib import Path
 
-from .containers import SpectraCube, SpectraTable
+from .cube import SpectraCube
 from .finish import finish
 from .sniff import header_beside, identify
+from .spectra_table import SpectraTable
 
 
 def read_spectra(path: str | Path) -> SpectraTable:
@@ -25,7 +26,7 @@ def read_spectra(path: str | Path) -> SpectraTable:
     path = Path(path)
     kind = identify(path)
     if kind in ("envi header", "envi data"):
-        from .envi import is_library, read_envi_cube, read_envi_library
+        from .formats.envi import is_library, read_envi_cube, read_envi_library
 
         header = path if kind == "envi header" else header_beside(path)
         assert header is not None
@@ -33,19 +34,19 @@ def read_spectra(path: str | Path) -> SpectraTable:
             return read_envi_cube(header, path if kind == "envi data" else None).table()
         return finish(read_envi_library(header, path if kind == "envi data" else None), path)
     if kind == "cgats":
-        from .cgats import read_cgats as reader
+        from .formats.cgats import read_cgats as reader
     elif kind == "cxf":
-        from .cxf import read_cxf as reader
+        from .formats.cxf import read_cxf as reader
     elif kind == "jcamp":
-        from .jcamp import read_jcamp as reader
+        from .formats.jcamp import read_jcamp as reader
     elif kind == "asd":
-        from .asd import read_asd as reader
+        from .formats.asd import read_asd as reader
     elif kind == "json":
-        from .listing import read_listing as reader
+        from .formats.listing import read_listing as reader
     elif kind == "columns":
-        from .table import read_columns as reader
+        from .formats.table import read_columns as reader
     else:
-        from .table import read_table as reader
+        from .formats.table import read_table as reader
     return finish(reader(path), path)
 
 
@@ -61,7 +62,7 @@ def read_cube(path: str | Path) -> SpectraCube:
     header = path if kind == "envi header" else header_beside(path)
     if kind not in ("envi header", "envi data") or header is None:
         raise ValueError(f"{path}: not an ENVI image; read_spectra reads tables and libraries of spectra")
-    from .envi import is_library, read_envi_cube
+    from .formats.envi import is_library, read_envi_cube
 
     if is_library(header):
         raise ValueError(f"{path}: an ENVI spectral library, not an image; use read_spectra")

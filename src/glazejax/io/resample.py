@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..spectra import describe_grid, interpolation_matrix, validate_wavelengths
-from .containers import SpectraTable
+from .spectra_table import SpectraTable
 
 
 def resample(table: SpectraTable, wavelengths: Float[np.ndarray, "new"] | Sequence[Any]) -> SpectraTable:

@@ -3,8 +3,8 @@
 from dataclasses import replace
 from pathlib import Path
 
-from .containers import SpectraTable
 from .read import read_spectra
+from .spectra_table import SpectraTable
 
 
 def split_sample(text: str, folder: str | Path = "") -> tuple[Path, str]:

@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
-from ..outputs import check_output
 from ..spectra import MAX_FRACTION, validate_wavelengths
-from .containers import SpectraTable, listed
 from .finish import MAX_DECLARED, different
+from .outputs import check_output
+from .spectra_table import SpectraTable, listed
 
 
 def write_table(
@@ -105,14 +105,14 @@ def write_spectra(
     if kind == "csv":
         files = {path: _format_csv(table, path, long).encode()}
     elif kind == "cxf":
-        from .cxf import format_cxf
+        from .formats.cxf import format_cxf
 
         try:
             files = {path: format_cxf(table)}
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
     else:
-        from .envi import format_envi
+        from .formats.envi import format_envi
 
         header, numbers, said = format_envi(table)
         notes += said

@@ -18,12 +18,18 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from glazejax.radiative import auxiliary_graded
-from glazejax.radiative.auxiliary_graded import Light
-from glazejax.radiative.directions import gauss
-from glazejax.radiative.inputs import Numbers, batch_shape, check_tolerance, check_values, concrete
-from glazejax.radiative.panels import Mesh, Panels, graded_shares, rules
-from glazejax.radiative.stack import (
+from .auxiliary import graded as auxiliary_graded
+from .auxiliary.graded import Light
+from .auxiliary.panels import Mesh, Panels, graded_shares, rules
+from .common.directions import gauss
+from .common.inputs import (
+    Numbers,
+    batch_shape,
+    check_tolerance,
+    check_values,
+    concrete,
+)
+from .stack import (
     Method,
     check_method,
     stack_hemispherical_reflectance,

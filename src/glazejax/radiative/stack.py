@@ -10,8 +10,8 @@ import numpy as np
 from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
-from glazejax.radiative import auxiliary_graded, ordinates, sensitivity
-from glazejax.radiative.inputs import (
+from .auxiliary import graded as auxiliary_graded
+from .common.inputs import (
     INDEX_RANGE,
     Numbers,
     at_least_one_layer,
@@ -20,9 +20,11 @@ from glazejax.radiative.inputs import (
     check_values,
     concrete,
 )
-from glazejax.radiative.ordinates import Stack
-from glazejax.radiative.resolution import resolve, resolve_known
-from glazejax.radiative.split import Split
+from .common.split import Split
+from .common.stack_arrays import Stack
+from .ordinates import sensitivity
+from .ordinates import solver as ordinates
+from .ordinates.resolution import resolve, resolve_known
 
 Method = Literal["ordinates", "auxiliary", "manyflux"]
 """Ways to compute the same quantity."""
@@ -46,7 +48,7 @@ class _Solver(NamedTuple):
 
 def _solver(method: str) -> _Solver:
     if method == "manyflux":
-        from glazejax.radiative import manyflux_method  # a dozen modules that nobody else needs
+        from .manyflux import method as manyflux_method  # a dozen modules that nobody else needs
 
         return _Solver(manyflux_method.reflectance, manyflux_method.reflectance_and_gradient, None)
     if method == "auxiliary":
@@ -92,7 +94,7 @@ def stack_reflectance_factor(
         cos_viewing: cosine of the viewing angle in air, (...), in (0, 1].
         tolerance: absolute error wanted, a Python number; see Notes.
         method: "ordinates" (discrete ordinates in even-parity form, `glazejax.radiative.ordinates`) or "auxiliary"
-            (paper A's integral equation on a graded mesh, `glazejax.radiative.auxiliary_graded`: slower, but it shares
+            (paper A's integral equation on a graded mesh, `glazejax.radiative.auxiliary.graded`: slower, but it shares
             no approximation with the other, so that each checks the other) or "manyflux" (paper C's layer operators
             by doubling, `glazejax.radiative.manyflux`, which also takes other phase functions: slower too).
 
@@ -105,14 +107,14 @@ def stack_reflectance_factor(
 
     Notes:
         `tolerance` picks the number of directions: for an index that is a number by their error in the sums they have
-        to make (`glazejax.radiative.resolution`), for an array of indices from a table. Both were calibrated on
+        to make (`ordinates.resolution`), for an array of indices from a table. Both were calibrated on
         random stacks of 1 to 5 layers with optical thickness 0.003 to 30, albedo up to 1 - 1e-6, grounds 0 to 1 and
         cosines 0.05 to 1 at indices from 1 to 2.5 against a run with more than twice the directions, so that the
         worst of them stays below the tolerance (`python -m benchmarks.calibrate_directions` repeats it). Only a traced
         index between 1 and 1.0001, where the surface all but vanishes, was worse: up to ten times the tolerance. In
         float32, rounding leaves about 1e-5 and a smaller tolerance buys nothing.
 
-    Source: paper A (Shinozawa et al. 2013), eqs (4)-(22), solved as described in `glazejax.radiative.ordinates`.
+    Source: paper A (Shinozawa et al. 2013), eqs (4)-(22), solved as described in `glazejax.radiative.ordinates.solver`.
     """
     return _evaluate(
         _Inputs(albedo, optical_thickness, substrate_reflectance, refractive_index, cos_incidence, cos_viewing),
@@ -142,7 +144,7 @@ def stack_hemispherical_reflectance(
     Returns:
         Reflectance, shape of the broadcast batch.
 
-    Source: paper A (Shinozawa et al. 2013), eqs (4)-(22), solved as described in `glazejax.radiative.ordinates`.
+    Source: paper A (Shinozawa et al. 2013), eqs (4)-(22), solved as described in `glazejax.radiative.ordinates.solver`.
     """
     return _evaluate(
         _Inputs(albedo, optical_thickness, substrate_reflectance, refractive_index, cos_incidence, None),
@@ -294,7 +296,7 @@ def _resolve(
 ) -> tuple[Any, int]:
     """The method's own resolution (see `_Options`), and how many stacks go through the processor at a time."""
     if method == "manyflux":
-        from glazejax.radiative import manyflux_method
+        from .manyflux import method as manyflux_method
 
         cosines = inputs.cos_incidence, inputs.cos_viewing
         effort = manyflux_method.resolve_effort(tolerance, indices, fixed, inputs.optical_thickness, *cosines)

@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from .kernels import tanh_sech
+from .common.kernels import tanh_sech
 
 
 def two_flux_layer(

@@ -1,0 +1,157 @@
+"""One homogeneous film, tabulated: what it reflects over any Lambertian ground, at a fraction of the solver's cost.
+
+A film of optical thicknesses k d and s d on a ground rho reflects, exactly,
+
+    R = black + gain rho / (1 - back rho)
+
+the light that never reached the ground, and what did, with all its round trips. The three numbers are smooth in
+log(c + k d) and log(c + s d); a bicubic spline through solved values gives them to 1e-5, with continuous second
+derivatives and down to films that do not absorb or scatter at all. The inverse layer asks for single films over and
+over, so it asks the table; stacks of several coats are solved.
+"""
+
+import abc
+import functools
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Float, Int
+
+from glazejax.geometry import Bidirectional, Geometry
+from glazejax.radiative.common.inputs import concrete
+from glazejax.radiative.stack import stack_hemispherical_reflectance, stack_reflectance_factor
+
+HIGHEST = (300.0, 1000.0)
+"""Largest k d and s d of the table; a film beyond is opaque and taken at the end."""
+
+# Below this a film's reflectance is linear in k d and s d; above it varies with their logarithms.
+_BEND = 0.01
+_NODES = 80
+_TOLERANCE = 1e-6
+_CHUNK = 3200
+
+
+class Response(eqx.Module):
+    """Model of one film."""
+
+    @abc.abstractmethod
+    def body(self, absorption: ArrayLike, scattering: ArrayLike, ground: ArrayLike) -> Float[Array, "*batch"]:
+        """Reflectance without the outer surface's part, from k d, s d and the ground's internal reflectance."""
+
+
+class FilmResponse(Response):
+    """Bicubic spline of (black, gain, back) over optical thicknesses k d and s d, for one geometry and index."""
+
+    patches: Float[Array, "cells 4 4 3"]  # spline coefficients around each cell
+
+    def numbers(
+        self, absorption: Float[Array, "*batch"], scattering: Float[Array, "*batch"]
+    ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"], Float[Array, "*batch"]]:
+        """Black, gain and back of films, each (...), from k d and s d, (...), >= 0."""
+        row, row_weights = _locate(absorption, HIGHEST[0])
+        column, column_weights = _locate(scattering, HIGHEST[1])
+        patch = self.patches[row * (_NODES - 1) + column]
+        values = jnp.einsum("...ijc,...i,...j->...c", patch, row_weights, column_weights)
+        return values[..., 0], values[..., 1], values[..., 2]
+
+    def body(self, absorption: ArrayLike, scattering: ArrayLike, ground: ArrayLike) -> Float[Array, "*batch"]:
+        """Reflectance without the outer surface's part, (...).
+
+        Args:
+            absorption, scattering: optical thicknesses k d and s d, (...), >= 0.
+            ground: internal reflectance of the Lambertian ground, (...), in [0, 1].
+        """
+        films = jnp.broadcast_arrays(jnp.asarray(absorption), jnp.asarray(scattering))
+        black, gain, back = self.numbers(*films)
+        return black + gain * ground / (1.0 - back * ground)
+
+
+def _locate(thickness: Float[Array, "*batch"], highest: float) -> tuple[Int[Array, "*batch"], Float[Array, "*batch 4"]]:
+    """Cell and the four cubic B-spline weights of each value."""
+    place = jnp.log1p(thickness / _BEND) * ((_NODES - 1) / np.log1p(highest / _BEND))
+    place = jnp.clip(place, 0.0, _NODES - 1)
+    cell = jnp.minimum(jnp.floor(jax.lax.stop_gradient(place)), _NODES - 2)
+    t = place - cell
+    near, far = 1.0 - t, t
+    weights = (near**3, 4.0 - 6.0 * far**2 + 3.0 * far**3, 4.0 - 6.0 * near**2 + 3.0 * near**3, far**3)
+    return cell.astype(jnp.int32), jnp.stack(weights, axis=-1) / 6.0
+
+
+def film_response(geometry: Geometry, refractive_index: float = 1.5) -> FilmResponse:
+    """Table for an instrument, made once (some seconds) and kept.
+
+    Args:
+        geometry: angles must be known numbers; its `specular` flag does not matter here.
+        refractive_index: of the film, in [1, 2.5].
+
+    Raises:
+        ValueError: an angle that is an array or traced.
+    """
+    cosines = [geometry.cos_incidence]
+    if isinstance(geometry, Bidirectional):
+        cosines.append(geometry.cos_viewing)
+    known = [concrete(cosine) for cosine in cosines]
+    if any(value is None or value.ndim for value in known):
+        raise ValueError("a film's table is made for one pair of angles: give them as numbers, not as arrays")
+    angles = tuple(float(value) for value in known if value is not None)
+    return FilmResponse(jnp.asarray(_patches(angles, float(refractive_index))))
+
+
+@functools.lru_cache(maxsize=8)
+def _patches(cosines: tuple[float, ...], index: float) -> Float[np.ndarray, "cells 4 4 3"]:
+    """Spline coefficients from solved films; one cosine asks for the sphere, two for a reflectance factor."""
+    inverse = np.linalg.inv(_not_a_knot(_NODES))[:, :_NODES]
+    coefficients = np.einsum("ai,bj,cij->abc", inverse, inverse, _solve(cosines, index), optimize=True)
+    windows = np.lib.stride_tricks.sliding_window_view(coefficients, (4, 4), axis=(0, 1))
+    return np.ascontiguousarray(np.moveaxis(windows, 2, -1)).reshape(-1, 4, 4, 3)
+
+
+def _not_a_knot(nodes: int) -> Float[np.ndarray, "n n"]:
+    """Matrix from a uniform cubic B-spline's nodes + 2 coefficients to its values and two end conditions.
+
+    The conditions say that the third derivative does not jump at the second and the last but one node.
+    """
+    matrix = np.zeros((nodes + 2, nodes + 2))
+    for node in range(nodes):
+        matrix[node, node : node + 3] = np.array([1.0, 4.0, 1.0]) / 6.0
+    matrix[nodes, :5] = matrix[nodes + 1, -5:] = [1.0, -4.0, 6.0, -4.0, 1.0]
+    return matrix
+
+
+def _solve(cosines: tuple[float, ...], index: float) -> Float[np.ndarray, "3 nodes nodes"]:
+    """Black, gain and back at the nodes."""
+    kd, sd = np.meshgrid(
+        *(_BEND * np.expm1(np.linspace(0.0, np.log1p(highest / _BEND), _NODES)) for highest in HIGHEST), indexing="ij"
+    )
+    depth = kd + sd
+    albedo = sd / np.where(depth > 0, depth, 1.0)
+    solver = stack_hemispherical_reflectance
+    if len(cosines) == 2:
+        solver = functools.partial(stack_reflectance_factor, cos_viewing=cosines[1])
+
+    @jax.jit
+    def over_three_grounds(albedo: Array, depth: Array) -> Array:
+        grounds = jnp.asarray([0.0, 0.5, 1.0])
+        return solver(albedo, depth, grounds, refractive_index=index, cos_incidence=cosines[0], tolerance=_TOLERANCE)
+
+    pieces = [a.reshape(-1, _CHUNK, 1, 1) for a in (albedo, depth)]
+    solved = [np.asarray(over_three_grounds(*piece)) for piece in zip(*pieces, strict=True)]
+    black, half, white = np.moveaxis(np.concatenate(solved).reshape(_NODES, _NODES, 3), -1, 0)
+    return np.stack([black, *_gain_and_back(half - black, white - black)])
+
+
+def _gain_and_back(half: np.ndarray, white: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """From what grounds of .5 and 1 add: half = .5 gain/(1 - .5 back), white = gain/(1 - back)."""
+    from scipy.ndimage import distance_transform_edt
+
+    half, white = np.maximum(half, 0.0), np.maximum(white, 0.0)
+    # An opaque film's back multiplies nothing: any smooth continuation will do.
+    through = half > 1e-7
+    ratio = np.where(through, white, 3.0) / np.where(through, half, 1.0)
+    back = np.where(through, (ratio - 2.0) / (ratio - 1.0), 0.0)
+    nearest = distance_transform_edt(~through, return_distances=False, return_indices=True)
+    assert nearest is not None
+    back = np.clip(back, 0.0, 1.0)[tuple(nearest)]
+    return white * (1.0 - back), back

@@ -1,0 +1,1 @@
+"""Which paints are in a measured film, with probabilities."""

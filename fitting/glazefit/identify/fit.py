@@ -1,0 +1,204 @@
+"""Amounts of the paints of many candidates at once, and the probability of each candidate.
+
+Unknowns are log amounts, u_i = log a_i. What is minimised is minus the log of posterior density in u: half the squared
+whitened residuals, a log-normal prior of the total, and a Dirichlet prior of the fractions. Gauss-Newton steps with
+Levenberg's damping, a fixed number of them, run side by side for all candidates of a spectrum; at most three unknowns,
+so that the linear algebra is written out. Laplace's approximation at the minimum gives each candidate's evidence.
+"""
+
+import functools
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jax.scipy.special import gammaln
+from jaxtyping import Array, Bool, Float
+
+from ..film.response import FilmResponse
+from .screen import Paints
+
+# Amounts between which a paint is sought, in units of the usual thickness; below the first it is not there.
+LEAST, MOST = 1e-5, 60.0
+_STEPS = 14
+_LONGEST = 2.0
+
+
+class Weights(NamedTuple):
+    """Errors and prior of one spectrum, or of one candidate for it."""
+
+    target: Float[Array, "readings"]  # without the mean surface
+    basis: Float[Array, "scales readings readings"]
+    height: Float[Array, "scales"]
+    spread: Float[Array, ""]
+    concentration: Float[Array, ""]
+
+
+class Fitted(NamedTuple):
+    """Candidates of one spectrum."""
+
+    logs: Float[Array, "sets size"]
+    covariance: Float[Array, "sets size size"]  # of the log amounts
+    log_evidence: Float[Array, "sets"]
+    readings: Float[Array, "sets readings"]  # without the surface
+
+
+def inverse_small(matrix: Float[Array, "n n"]) -> tuple[Float[Array, "n n"], Float[Array, ""]]:
+    """Inverse and log determinant of a positive definite matrix of up to three rows, by Cholesky factors."""
+    n = matrix.shape[-1]
+    lower = [[jnp.zeros_like(matrix[0, 0])] * n for _ in range(n)]
+    for i in range(n):
+        for j in range(i + 1):
+            rest = matrix[i, j] - sum(lower[i][p] * lower[j][p] for p in range(j))
+            lower[i][j] = jnp.sqrt(jnp.maximum(rest, 1e-12)) if i == j else rest / lower[j][j]
+    unit = []
+    for column in range(n):
+        x: list[Array] = []
+        for i in range(n):
+            x.append(((1.0 if i == column else 0.0) - sum(lower[i][p] * x[p] for p in range(i))) / lower[i][i])
+        unit.append(jnp.stack([jnp.asarray(v) for v in x]))
+    inverse = jnp.stack(unit, axis=1)
+    return inverse.T @ inverse, 2.0 * sum((jnp.log(lower[i][i]) for i in range(n)), jnp.zeros(()))
+
+
+def log_prior(
+    logs: Float[Array, "size"], present: Bool[Array, "size"], spread: Array, concentration: Array
+) -> Float[Array, ""]:
+    """Log prior density of log amounts: log-normal total of median 1, Dirichlet fractions."""
+    m = present.sum()
+    total = jax.nn.logsumexp(logs, where=present)
+    fractions = concentration * jnp.sum(jnp.where(present, logs - total, 0.0))
+    fractions += gammaln(m * concentration) - m * gammaln(concentration)
+    return -0.5 * (total / spread) ** 2 - jnp.log(spread * jnp.sqrt(2.0 * jnp.pi)) + fractions
+
+
+def _prior_terms(logs: Array, present: Array, spread: Array, concentration: Array) -> tuple[Array, Array]:
+    """Gradient of minus the log prior, and a positive part of its Hessian; 1 for a paint that is not there."""
+    m = present.sum()
+    total, share = jax.nn.logsumexp(logs, where=present), jax.nn.softmax(logs, where=present)
+    gradient = share * total / spread**2 - concentration * (present - m * share)
+    outer = jnp.outer(share, share)
+    hessian = outer / spread**2 + concentration * m * (jnp.diag(share) - outer)
+    return gradient, hessian + jnp.diag(jnp.where(present, 0.0, 1.0))
+
+
+Model = Callable[[Float[Array, "size"]], tuple[Float[Array, "readings"], Float[Array, "size readings"]]]
+"""Readings of a film from its amounts, and their slopes by the log amounts."""
+
+
+def fit_one(
+    model: Model, start: Float[Array, "size"], present: Bool[Array, "size"], weights: Weights, middle: int
+) -> Fitted:
+    """Most probable log amounts of one candidate, and its evidence.
+
+    Args:
+        model: of the candidate.
+        start: log amounts.
+        present: False fills up a candidate of fewer paints.
+        weights: of the spectrum.
+        middle: scale of the discrepancy that is fitted with.
+    """
+    white = weights.basis[middle]
+
+    def look(logs: Array) -> tuple[Array, Array, Array, Array]:
+        readings, slopes = model(jnp.where(present, jnp.exp(logs), 0.0))
+        off, slopes = white @ (weights.target - readings), slopes @ white.T
+        gradient, hessian = _prior_terms(logs, present, weights.spread, weights.concentration)
+        cost = 0.5 * off @ off - log_prior(logs, present, weights.spread, weights.concentration)
+        return cost, gradient - slopes @ off, hessian + slopes @ slopes.T, readings
+
+    def step(_: int, state: tuple) -> tuple:
+        logs, seen, damping = state
+        _, gradient, hessian, _ = seen
+        damped = hessian + damping * (jnp.diag(jnp.diagonal(hessian)) + 1e-6 * jnp.eye(logs.shape[0]))
+        move = jnp.clip(-inverse_small(damped)[0] @ gradient, -_LONGEST, _LONGEST)
+        tried = jnp.clip(logs + move, jnp.log(LEAST), jnp.log(MOST))
+        new = look(tried)
+        better = new[0] < seen[0]
+        kept = jax.tree.map(lambda a, b: jnp.where(better, a, b), (tried, new), (logs, seen))
+        return (*kept, jnp.where(better, damping * 0.2, jnp.maximum(damping, 1e-3) * 6.0))
+
+    state = (start, look(start), jnp.asarray(0.02, start.dtype))
+    logs, (_, _, hessian, readings), _ = jax.lax.fori_loop(0, _STEPS, step, state)
+    log_evidence, spread = _evidence(logs, present, hessian, readings, weights)
+    return Fitted(logs, spread, log_evidence, readings)
+
+
+def _evidence(logs: Array, present: Array, hessian: Array, readings: Array, weights: Weights) -> tuple[Array, Array]:
+    """Laplace's log evidence of one candidate, summed over the scales of the discrepancy; and the covariance of u."""
+    spread, log_det = inverse_small(hessian)
+    off = jnp.einsum("srt,t->sr", weights.basis, weights.target - readings)
+    likelihood = jax.nn.logsumexp(weights.height - 0.5 * jnp.sum(off**2, axis=-1))
+    prior = log_prior(logs, present, weights.spread, weights.concentration)
+    volume = 0.5 * present.sum() * jnp.log(2.0 * jnp.pi) - 0.5 * log_det
+    return likelihood + prior + volume, spread
+
+
+def coat_model(response: FilmResponse, k: Array, s: Array, ground: Array) -> Model:
+    """Model of one coat of paints of these optical thicknesses, (size, bands)."""
+    seen = functools.partial(response.body, ground=ground)
+
+    def model(amounts: Array) -> tuple[Array, Array]:
+        films, unit = (amounts @ k, amounts @ s), jnp.ones_like(k[0])
+        readings, by_k = jax.jvp(seen, films, (unit, jnp.zeros_like(unit)))
+        _, by_s = jax.jvp(seen, films, (jnp.zeros_like(unit), unit))
+        slopes = amounts[:, None, None] * (k[:, None, :] * by_k + s[:, None, :] * by_s)
+        return readings.reshape(-1), slopes.reshape(amounts.shape[0], -1)
+
+    return model
+
+
+@functools.partial(jax.jit, static_argnames=("middle", "own"))
+def fit_sets(
+    response: FilmResponse,
+    paints: Paints,
+    sets: Array,
+    starts: Array,
+    ground: Array,
+    weights: Weights,
+    middle: int,
+    own: bool = False,
+) -> Fitted:
+    """Fit candidates of one coat.
+
+    Args:
+        response: of the instrument.
+        paints: of the catalogue.
+        sets: paints of each candidate, (spectra, sets, size); a negative number is none.
+        starts: log amounts, (spectra, sets, size).
+        ground: internal reflectance, (spectra, grounds, bands).
+        weights: of each spectrum, or with `own` of each candidate.
+        middle: scale of the discrepancy that is fitted with.
+        own: whether the candidates of a spectrum have weights of their own.
+    """
+
+    def one(spectrum: tuple) -> Fitted:
+        sets, starts, ground, weights = spectrum
+
+        def candidate(members: Array, start: Array, weights: Weights) -> Fitted:
+            model = coat_model(response, paints.absorption[members], paints.scattering[members], ground)
+            return fit_one(model, start, members >= 0, weights, middle)
+
+        return jax.vmap(candidate, in_axes=(0, 0, 0 if own else None))(sets, starts, weights)
+
+    return jax.lax.map(one, (sets, starts, ground, weights))
+
+
+@jax.jit
+def coat_slopes(
+    response: FilmResponse, paints: Paints, sets: Array, logs: Array, ground: Array
+) -> Float[Array, "spectra sets errors readings"]:
+    """Slopes of the readings by the log of every paint's k, then s, band by band; arguments as of `fit_sets`."""
+
+    def candidate(members: Array, logs: Array, ground: Array) -> Array:
+        amounts = jnp.where(members >= 0, jnp.exp(logs), 0.0)[:, None]
+        parts = amounts * paints.absorption[members], amounts * paints.scattering[members]
+        films, unit = tuple(part.sum(axis=0) for part in parts), jnp.ones_like(parts[0][0])
+        seen = functools.partial(response.body, ground=ground)
+        by_k = jax.jvp(seen, films, (unit, jnp.zeros_like(unit)))[1]
+        by_s = jax.jvp(seen, films, (jnp.zeros_like(unit), unit))[1]
+        slopes = jnp.concatenate([parts[0][:, None] * by_k, parts[1][:, None] * by_s])
+        return slopes.reshape(slopes.shape[0], -1)
+
+    over_sets = jax.vmap(candidate, in_axes=(0, 0, None))
+    return jax.lax.map(lambda spectrum: over_sets(*spectrum), (sets, logs, ground))

@@ -1,0 +1,225 @@
+"""Which paints are in a film: from its spectrum, over one ground or several, and a catalogue.
+
+Sets of one, two and three paints compete, and with them the hypothesis that none of the catalogue's paints explain the
+film; `glazefit.identify.screen` says which sets are looked at, `glazefit.film.errors` what counts as an error, and
+`glazefit.identify.fit` how a set's probability follows. Sets that are not looked at count as impossible; the search
+keeps far more than ever come near the best.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import ArrayLike, Float
+from scipy.special import logsumexp
+
+from glazejax import Bidirectional, Hemispherical, Pigment
+from glazejax.geometry import Geometry
+from glazejax.paint.media import MAX_THICKNESS
+from glazejax.radiative.common.fresnel import dielectric_reflectance
+
+from ..film.errors import (
+    Discrepancy,
+    Prior,
+    log_none,
+    model_covariance,
+    noise_covariance,
+    relative_errors,
+)
+from ..film.films import Films, Instrument, Noise, cards
+from ..film.response import film_response
+from .result import POOR_FIT, RARE, Identification, Pool
+from .screen import Paints
+from .search import CHUNK, Task, first_starts, search_chunk
+from .task import Measured, check_pigments, check_spectra
+from .two_coats import Optics
+
+# Scattering optical thickness of a film that hides its ground.
+_OPAQUE = 200.0
+
+
+def identify_chunks(
+    spectra: ArrayLike,
+    wavelengths: ArrayLike,
+    pigments: Sequence[Pigment],
+    *,
+    grounds: ArrayLike | None,
+    instrument: Instrument | None = None,
+    geometry: Geometry | None = None,
+    noise: Noise | None = None,
+    discrepancy: Discrepancy | None = None,
+    prior: Prior | None = None,
+    max_paints: int = 3,
+    layers: int = 1,
+    names: Sequence[str] | None = None,
+    keep: int = 20,
+) -> Iterator[Identification]:
+    """As `identify`, a few spectra at a time, so that progress can be shown and an interrupt loses little.
+
+    Args:
+        spectra: reflectance as fractions, (bands,), (spectra, bands), or (spectra, grounds, bands) for one film over
+            several grounds.
+        wavelengths: (bands,), nm.
+        pigments: the catalogue, on any grids that cover the spectra's.
+        grounds: internal reflectance (that under paint) of the grounds: a number, (bands,) or (grounds, bands), or one
+            for each spectrum, (spectra, grounds, bands). None for films that hide their ground; their thickness is then
+            unknown.
+        instrument: by default d:8 with the specular part, index 1.5.
+        geometry: instead of the instrument's, such as `glazejax.Bidirectional(45, 0)` for one without a sphere.
+        noise: of a reading.
+        discrepancy: of the model; see `glazefit.film.errors.Discrepancy`.
+        prior: what is expected beforehand.
+        max_paints: largest set, 1 to 3.
+        layers: 2 tries the best sets as two coats too, in both orders.
+        names: of the spectra.
+        keep: candidates kept for each spectrum.
+
+    Raises:
+        ValueError: shapes that do not match, values that are not reflectances, an empty catalogue, repeated names.
+    """
+    instrument, noise, prior = instrument or Instrument(), noise or Noise(), prior or Prior()
+    discrepancy = discrepancy or Discrepancy()
+    if max_paints not in (1, 2, 3):
+        raise ValueError(f"max_paints is {max_paints}; sets of 1, 2 or 3 paints can be tried")
+    if layers not in (1, 2):
+        raise ValueError(f"layers is {layers}; one coat or two can be tried")
+    if layers == 2 and grounds is None:
+        raise ValueError("two coats need to know the ground; an opaque film shows its top coat only: use layers=1")
+    seen_by = instrument.geometry if geometry is None else geometry
+    measured = check_spectra(spectra, wavelengths, grounds, names)
+    known = check_pigments(pigments, measured.wavelengths)
+    if grounds is None:
+        prior = _opaque(prior, known)
+    task = Task(
+        film_response(seen_by, instrument.refractive_index),
+        _paints(known, prior.thickness),
+        relative_errors(known, discrepancy),
+        measured.wavelengths,
+        _optics(seen_by, instrument.refractive_index),
+        instrument.surface if seen_by.specular else 0.0,
+        noise,
+        discrepancy,
+        prior,
+        min(max_paints, len(known)),
+        layers,
+    )
+    starts = first_starts(task, measured)
+    for first in range(0, len(measured), CHUNK):
+        rows = np.arange(first, min(first + CHUNK, len(measured)))
+        pool = search_chunk(task, measured, rows, starts)
+        yield _weigh(task, pool, measured.take(rows), tuple(p.name for p in known), grounds is None, keep)
+
+
+def _weigh(
+    task: Task, pool: Pool, measured: Measured, names: tuple[str, ...], opaque: bool, keep: int
+) -> Identification:
+    """Probabilities of all candidates and of none, and the best candidates in full."""
+    nothing = log_none(measured.readings, task.noise.sd(measured.readings), task.wavelengths)
+    nothing = task.discrepancy.trust * nothing + np.log(task.prior.unknown)
+    weight = np.where(np.isfinite(pool.log_weight), pool.log_weight, -np.inf)
+    gloss = _gloss(task, measured, pool)
+    fitted = pool.readings + gloss[..., None] * task.surface
+    misfit = np.sqrt(np.mean((measured.readings.reshape(len(measured), 1, -1) - fitted) ** 2, axis=-1))
+    # Few films that were left out of the fit missed by more: what fits badly is improbable beforehand.
+    weight = weight + np.where(misfit > POOR_FIT, np.log(RARE), 0.0)
+    total = logsumexp(np.concatenate([weight, nothing[:, None]], axis=1), axis=1)
+    probability = np.exp(weight - np.asarray(total)[:, None])
+    present = pool.members[..., None] == np.arange(len(names))
+    best = np.argsort(-probability, axis=1, kind="stable")[:, :keep]
+    top = pool.take(best)
+    fitted = np.take_along_axis(fitted, best[..., None], axis=1)
+    return Identification(
+        measured=measured,
+        paints=names,
+        members=top.members,
+        coats=top.coats,
+        amounts=np.exp(top.logs) * task.prior.thickness,
+        log_covariance=top.covariance,
+        probability=np.take_along_axis(probability, best, axis=1),
+        none=np.exp(nothing - np.asarray(total)),
+        paint_probability=np.einsum("sc,scmp->sp", probability, present),
+        gloss=np.take_along_axis(gloss, best, axis=1),
+        fitted=fitted.reshape(*best.shape, *measured.readings.shape[1:]),
+        opaque=opaque,
+    )
+
+
+def _gloss(task: Task, measured: Measured, pool: Pool) -> Float[np.ndarray, "spectra candidates"]:
+    """Share of the surface's reflection that each candidate's residual speaks for."""
+    seen, d = task.surface, task.discrepancy
+    model = model_covariance(task.wavelengths, measured.readings.shape[1], d, d.screening)
+    matrix = noise_covariance(task.noise.sd(measured.readings), seen, d) + model
+    lever = np.linalg.solve(matrix, np.ones((*matrix.shape[:2], 1)))[..., 0]
+    off = task.target(measured.readings)[:, None] - pool.readings
+    return np.maximum(d.gloss + d.gloss_sd**2 * seen * np.einsum("scr,sr->sc", off, lever), 0.0)
+
+
+def identify(
+    spectra: ArrayLike,
+    wavelengths: ArrayLike,
+    pigments: Sequence[Pigment],
+    *,
+    grounds: ArrayLike | None,
+    **options: Any,
+) -> Identification:
+    """Paints, fractions and thickness of films from their spectra, as ranked lists with probabilities.
+
+    Args and errors are those of `identify_chunks`.
+    """
+    return Identification.join(list(identify_chunks(spectra, wavelengths, pigments, grounds=grounds, **options)))
+
+
+def identify_films(films: Films, pigments: Sequence[Pigment], **options: Any) -> Identification:
+    """As `identify`, for films over a black and a white card that were measured bare."""
+    instrument, noise = options.get("instrument") or Instrument(), options.get("noise") or Noise()
+    black, white, _, _ = cards(films, instrument, noise)
+    return identify(
+        np.stack([films.over_black, films.over_white], axis=1),
+        films.wavelengths,
+        pigments,
+        grounds=np.stack([black, white], axis=1),
+        names=films.names,
+        **options,
+    )
+
+
+def _opaque(prior: Prior, pigments: Sequence[Pigment]) -> Prior:
+    """A film so thick that its ground does not matter: the thickness is set, not sought."""
+    typical = np.median([np.median(np.asarray(p.scattering)) for p in pigments])
+    return replace(prior, thickness=min(_OPAQUE / max(float(typical), 1.0), MAX_THICKNESS), spread=0.05)
+
+
+def _optics(geometry: Geometry, index: float) -> Optics:
+    """Plain numbers, which compiled programs can be made for."""
+    viewing = float(np.asarray(geometry.cos_viewing)) if isinstance(geometry, Bidirectional) else None
+    return Optics(float(np.asarray(geometry.cos_incidence)), viewing, float(index))
+
+
+def ground_from_air(
+    bare: Float[np.ndarray, "*shape"], geometry: Geometry | None = None, refractive_index: float = 1.5
+) -> Float[np.ndarray, "*shape"]:
+    """Internal reflectance of grounds from what they read bare, with the same instrument, (...).
+
+    Raises:
+        ValueError: a reading below the surface's reflection or above that of a perfect diffuser, by more than .01.
+    """
+    geometry = geometry or Hemispherical()
+    optics = _optics(geometry, refractive_index)
+    seen = float(dielectric_reflectance(optics.cos_incidence, refractive_index)) if geometry.specular else 0.0
+    _, gain, back = film_response(geometry, refractive_index).numbers(jnp.zeros(()), jnp.zeros(()))
+    within = np.asarray(bare, dtype=np.float64) - seen
+    inside = within / (float(gain) + float(back) * within)
+    for wrong, words in ((within < -0.01, "less than its surface alone"), (inside > 1.01, "more than white can")):
+        if wrong.any():
+            value = np.asarray(bare)[wrong].flat[0]
+            raise ValueError(f"the bare ground reads {value:.4f} ({words}); is it seen with another instrument?")
+    return np.clip(inside, 0.0, 1.0)
+
+
+def _paints(pigments: Sequence[Pigment], thickness: float) -> Paints:
+    return Paints(
+        jnp.stack([jnp.asarray(p.absorption) for p in pigments]) * thickness,
+        jnp.stack([jnp.asarray(p.scattering) for p in pigments]) * thickness,
+    )

@@ -1,0 +1,251 @@
+"""What an identification found: a ranked list for each spectrum, and how sure it is."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from .task import Measured
+
+NOBODY = -1
+"""Stands where a candidate has fewer than three paints."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One explanation of a spectrum.
+
+    Attributes:
+        paints: names, largest fraction first; of two coats, the upper one's first.
+        fractions: by mass, of all paint in the film; sum 1.
+        fractions_sd: standard deviations.
+        coats: coat of each paint, 0 the uppermost.
+        thickness, thickness_sd: m, of all coats; NaN for films that hide their ground.
+        probability: posterior.
+        gloss: share of the surface's reflection in the readings.
+        fitted, residual: computed readings and measured minus computed ones, (grounds, bands).
+        rmse: of the residual.
+        angle: spectral angle between measured and fitted, degrees; the largest over the grounds.
+        delta_e: CIEDE2000 (D65, 10 degrees), the largest over the grounds; NaN where the bands give no colour.
+    """
+
+    paints: tuple[str, ...]
+    fractions: Float[np.ndarray, "paints"]
+    fractions_sd: Float[np.ndarray, "paints"]
+    coats: tuple[int, ...]
+    thickness: float
+    thickness_sd: float
+    probability: float
+    gloss: float
+    fitted: Float[np.ndarray, "grounds bands"]
+    residual: Float[np.ndarray, "grounds bands"]
+    rmse: float
+    angle: float
+    delta_e: float
+
+    @property
+    def words(self) -> str:
+        """Such as ``90 % ZincWhite + 10 % Eosin``, or ``Eosin over ZincWhite (30 : 70)``."""
+        upper = [i for i, coat in enumerate(self.coats) if coat == 0]
+        lower = [i for i, coat in enumerate(self.coats) if coat == 1]
+        if len(self.paints) == 1:
+            return self.paints[0]
+        if not lower:
+            return " + ".join(f"{percent(f)} {p}" for p, f in zip(self.paints, self.fractions, strict=True))
+        sides = [" + ".join(f"{percent(self.fractions[i])} {self.paints[i]}" for i in coat) for coat in (upper, lower)]
+        return " over ".join(f"({side})" if " + " in side else side for side in sides)
+
+
+def percent(fraction: float) -> str:
+    """A fraction with as many digits as a small part needs."""
+    value = 100 * float(fraction)
+    rest = min(value, 100 - value)  # what the digits must show
+    digits = 0 if rest >= 9.5 else 1 if rest >= 0.95 else 2
+    return f"{value:.{digits}f} %"
+
+
+POOR_FIT = 0.06
+"""Root mean square of a residual above which a film explains nothing."""
+
+RARE = 0.05
+"""Share of films, left out of the fit, that were missed by more, though their paints are known."""
+
+
+@dataclass(frozen=True)
+class Pool:
+    """Candidates of some spectra, not yet compared; three places each, filled up with `NOBODY`."""
+
+    members: Int[np.ndarray, "spectra candidates 3"]
+    coats: Int[np.ndarray, "spectra candidates 3"]
+    logs: Float[np.ndarray, "spectra candidates 3"]  # log amounts
+    covariance: Float[np.ndarray, "spectra candidates 3 3"]
+    log_weight: Float[np.ndarray, "spectra candidates"]  # log evidence and log prior of the set
+    readings: Float[np.ndarray, "spectra candidates readings"]
+
+    def merged(self, other: "Pool") -> "Pool":
+        """Candidates of both for the same spectra."""
+        return Pool(*(np.concatenate([a, b], axis=1) for a, b in zip(self.parts, other.parts, strict=True)))
+
+    @property
+    def parts(self) -> tuple[np.ndarray, ...]:
+        """All arrays."""
+        return (self.members, self.coats, self.logs, self.covariance, self.log_weight, self.readings)
+
+    def best(self, count: int) -> "Pool":
+        """The most probable candidates of each spectrum."""
+        return self.take(np.argsort(-self.log_weight, axis=1, kind="stable")[:, :count])
+
+    def take(self, chosen: Int[np.ndarray, "spectra kept"]) -> "Pool":
+        """Some candidates of each spectrum, by number."""
+        rows = np.arange(len(chosen))[:, None]
+        return Pool(*(part[rows, chosen] for part in self.parts))
+
+
+@dataclass(frozen=True)
+class Identification:
+    """Ranked explanations of spectra.
+
+    Attributes:
+        measured: what was given.
+        paints: names of the catalogue's paints.
+        members: paints of each candidate by number, most probable first, `NOBODY` where there is none,
+            (spectra, candidates, 3).
+        coats: coat of each, 0 the uppermost.
+        amounts: thickness times fraction of each, m; 0 where there is no paint.
+        log_covariance: of the log amounts, (spectra, candidates, 3, 3).
+        probability: posterior, (spectra, candidates).
+        none: posterior probability that the catalogue does not explain the spectrum, (spectra,).
+        paint_probability: of each paint to be in the film, over all candidates looked at, (spectra, paints).
+        gloss: share of the surface's reflection, (spectra, candidates).
+        fitted: readings, (spectra, candidates, grounds, bands).
+        opaque: whether the films hide their ground.
+    """
+
+    measured: Measured
+    paints: tuple[str, ...]
+    members: Int[np.ndarray, "spectra candidates 3"]
+    coats: Int[np.ndarray, "spectra candidates 3"]
+    amounts: Float[np.ndarray, "spectra candidates 3"]
+    log_covariance: Float[np.ndarray, "spectra candidates 3 3"]
+    probability: Float[np.ndarray, "spectra candidates"]
+    none: Float[np.ndarray, "spectra"]
+    paint_probability: Float[np.ndarray, "spectra paints"]
+    gloss: Float[np.ndarray, "spectra candidates"]
+    fitted: Float[np.ndarray, "spectra candidates grounds bands"]
+    opaque: bool
+
+    def __len__(self) -> int:
+        return len(self.measured)
+
+    @property
+    def explained(self) -> np.ndarray:
+        """Whether some film of the catalogue's paints is more probable than none, and fits, (spectra,).
+
+        Probabilities compare hypotheses; they do not say that the best of them is good. A residual above `POOR_FIT`
+        is larger than those of nineteen in twenty films that were left out of the fit (`benchmarks/identification.py`).
+        """
+        return (self.none < 0.5) & (self.rmse[:, 0] <= POOR_FIT)
+
+    @cached_property
+    def fractions(self) -> Float[np.ndarray, "spectra candidates 3"]:
+        """By mass, of all paint in the film."""
+        return self.amounts / self.amounts.sum(axis=-1, keepdims=True)
+
+    @cached_property
+    def residual(self) -> Float[np.ndarray, "spectra candidates grounds bands"]:
+        """Measured minus computed."""
+        return self.measured.readings[:, None] - self.fitted
+
+    @cached_property
+    def rmse(self) -> Float[np.ndarray, "spectra candidates"]:
+        """Root mean square of the residual."""
+        return np.sqrt(np.mean(self.residual**2, axis=(-1, -2)))
+
+    @cached_property
+    def angle(self) -> Float[np.ndarray, "spectra candidates"]:
+        """Largest spectral angle over the grounds, degrees."""
+        return spectral_angle(self.measured.readings[:, None], self.fitted).max(axis=-1)
+
+    @cached_property
+    def delta_e(self) -> Float[np.ndarray, "spectra candidates"]:
+        """Largest CIEDE2000 over the grounds, D65 and 10 degrees; NaN where the bands give no colour."""
+        from glazejax.colour import delta_e_of_spectra
+
+        try:
+            each = delta_e_of_spectra(
+                self.measured.wavelengths, self.measured.readings[:, None], self.fitted, observer=10
+            )
+        except ValueError:
+            return np.full(self.probability.shape, np.nan)
+        return each.max(axis=-1)
+
+    def ranked(self, row: int, count: int | None = None) -> list[Candidate]:
+        """Explanations of one spectrum, most probable first."""
+        rmse, angle, delta_e, fractions = self.rmse, self.angle, self.delta_e, self.fractions
+        out = []
+        for n in range(self.probability.shape[1] if count is None else min(count, self.probability.shape[1])):
+            here = np.flatnonzero(self.members[row, n] != NOBODY)
+            order = here[np.lexsort((-fractions[row, n, here], self.coats[row, n, here]))]
+            share, total = fractions[row, n], float(self.amounts[row, n].sum())
+            # d log f = d u - sum f d u.
+            slope = np.eye(3) - share
+            spread = np.sqrt(np.einsum("ij,jk,ik->i", slope, self.log_covariance[row, n], slope)) * share
+            thickness_sd = total * float(np.sqrt(share @ self.log_covariance[row, n] @ share))
+            out.append(
+                Candidate(
+                    paints=tuple(self.paints[i] for i in self.members[row, n, order]),
+                    fractions=share[order],
+                    fractions_sd=np.minimum(spread[order], 0.3),
+                    coats=tuple(self.coats[row, n, order].tolist()),
+                    thickness=float("nan") if self.opaque else total,
+                    thickness_sd=float("nan") if self.opaque else thickness_sd,
+                    probability=float(self.probability[row, n]),
+                    gloss=float(self.gloss[row, n]),
+                    fitted=self.fitted[row, n],
+                    residual=self.residual[row, n],
+                    rmse=float(rmse[row, n]),
+                    angle=float(angle[row, n]),
+                    delta_e=float(delta_e[row, n]),
+                )
+            )
+        return out
+
+    def words(self, row: int) -> str:
+        """One sentence on a spectrum."""
+        name = self.measured.names[row]
+        if not self.explained[row]:
+            return f"{name}: {self.unexplained(row)}"
+        best = self.ranked(row, 1)[0]
+        return f"{name}: {best.words} (probability {best.probability:.0%})"
+
+    def unexplained(self, row: int) -> str:
+        """Why nothing explains a spectrum."""
+        best = self.ranked(row, 1)[0]
+        start = "nothing in the catalogue explains this"
+        if self.none[row] >= 0.5:
+            return f"{start} (probability {self.none[row]:.0%}); most probable of its films: {best.words}"
+        return f"{start}: the most probable film, {best.words}, is off by {best.rmse:.3f} RMSE"
+
+    @classmethod
+    def join(cls, parts: Sequence["Identification"]) -> "Identification":
+        """Identifications of several batches with the same catalogue as one."""
+        first = parts[0]
+        measured = Measured(
+            tuple(name for part in parts for name in part.measured.names),
+            first.measured.wavelengths,
+            np.concatenate([part.measured.readings for part in parts]),
+            np.concatenate([part.measured.grounds for part in parts]),
+        )
+        arrays = ("members", "coats", "amounts", "log_covariance", "probability", "none", "paint_probability", "gloss")
+        joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in (*arrays, "fitted")}
+        return cls(measured=measured, paints=first.paints, opaque=first.opaque, **joined)
+
+
+def spectral_angle(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Angle between spectra, degrees, over the last axis; 0 if both are black, 90 if one is."""
+    lengths = np.linalg.norm(one, axis=-1) * np.linalg.norm(other, axis=-1)
+    both = (np.linalg.norm(one, axis=-1) == 0) & (np.linalg.norm(other, axis=-1) == 0)
+    cosine = np.where(both, 1.0, np.sum(one * other, axis=-1) / np.where(lengths > 0, lengths, 1.0))
+    return np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))

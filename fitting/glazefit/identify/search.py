@@ -1,0 +1,334 @@
+"""From spectra to a pool of fitted candidates: screen, fit, grow, fit, and stack."""
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ..film.errors import (
+    Discrepancy,
+    Prior,
+    Whitening,
+    coefficient_covariance,
+    model_covariance,
+    noise_covariance,
+    whiten,
+    whitening,
+)
+from ..film.films import Noise
+from ..film.response import FilmResponse
+from .fit import LEAST, MOST, Fitted, Weights, coat_slopes, fit_sets
+from .result import NOBODY, Pool
+from .screen import (
+    Paints,
+    Search,
+    amounts_grid,
+    grow,
+    score,
+    screen,
+    sets_of,
+    unique_best,
+)
+from .task import Measured
+from .two_coats import Optics, fit_stacks, orders, stack_slopes, stack_starts
+
+CHUNK = 16
+"""Spectra that are fitted at a time."""
+
+_SCREENED = 256
+_KEPT_PAIRS, _GROWN_PAIRS, _KEPT_TRIPLES, _STACKED = 40, 12, 40, 8
+_ROUNDS = 2
+# Candidates fitted with errors of their own, and again, by the largest size of a set.
+_REFINED = {1: (8, 3), 2: (12, 4), 3: (20, 6)}
+# Grounds that differ by less share a screening; each film is then fitted with its own.
+_ALIKE = 0.04
+_TYPICAL_READING = 0.3
+
+
+class Task(NamedTuple):
+    """What all spectra of an identification share."""
+
+    response: FilmResponse
+    paints: Paints
+    errors: Float[np.ndarray, "paints 2 bands"]  # relative, of the paints' k and s
+    wavelengths: Float[np.ndarray, "bands"]
+    optics: Optics
+    surface: float  # what a smooth surface adds to a reading
+    noise: Noise
+    discrepancy: Discrepancy
+    prior: Prior
+    max_paints: int
+    layers: int
+
+    @property
+    def known(self) -> int:
+        """Paints in the catalogue."""
+        return self.paints.absorption.shape[0]
+
+    @property
+    def middle(self) -> int:
+        """Scale of the discrepancy that is fitted with: the one nearest to 1."""
+        return int(np.argmin(np.abs(np.log(self.discrepancy.scales))))
+
+    def target(self, readings: Float[np.ndarray, "spectra grounds bands"]) -> Float[np.ndarray, "spectra readings"]:
+        """Readings without the mean surface."""
+        return (readings - self.discrepancy.gloss * self.surface).reshape(len(readings), -1)
+
+    def common_whitening(self, grounds: int) -> Float[np.ndarray, "readings readings"]:
+        """Of a reading of middling size, for the searches that only rank."""
+        sd = self.noise.sd(np.full((grounds, self.wavelengths.size), _TYPICAL_READING))
+        model = model_covariance(self.wavelengths, grounds, self.discrepancy, self.discrepancy.screening)
+        return whitening(noise_covariance(sd, self.surface, self.discrepancy) + model)[0]
+
+    def log_set(self, size: int) -> float:
+        """Log prior probability of one set of so many paints."""
+        sizes = np.asarray(self.prior.sizes[: self.max_paints])
+        return float(
+            np.log(sizes[size - 1] / sizes.sum() * (1.0 - self.prior.unknown)) - np.log(len(sets_of(self.known, size)))
+        )
+
+
+class Start(NamedTuple):
+    """Sets of one size and where to start them."""
+
+    sets: Int[np.ndarray, "spectra sets size"]
+    logs: Float[np.ndarray, "spectra sets size"]
+
+
+def weights_of(task: Task, readings: Float[np.ndarray, "spectra grounds bands"], errors: Whitening) -> Weights:
+    """Errors and prior of some spectra, or of some candidates for each, which the errors' leading axes say."""
+    batch = errors.height.shape[:-1]
+    target = task.target(readings).reshape(len(readings), *[1] * (len(batch) - 1), -1)
+    target = np.broadcast_to(target, (*batch, target.shape[-1]))
+    alike = [np.full(batch, value) for value in (task.prior.spread, task.prior.concentration)]
+    parts = (target, errors.basis, errors.height, *alike)
+    return Weights(*(jnp.asarray(a, float) for a in parts))
+
+
+def alike_errors(task: Task, readings: Float[np.ndarray, "spectra grounds bands"]) -> Whitening:
+    """Errors while candidates are looked for: the same for all candidates of a spectrum."""
+    d = task.discrepancy
+    model = model_covariance(task.wavelengths, readings.shape[1], d, d.screening)
+    fixed = noise_covariance(task.noise.sd(readings), task.surface, d)
+    return whiten(fixed, np.broadcast_to(model, fixed.shape), d)
+
+
+def own_errors(
+    task: Task,
+    readings: Float[np.ndarray, "spectra grounds bands"],
+    sets: Int[np.ndarray, "spectra sets size"],
+    slopes: Float[np.ndarray, "spectra sets errors readings"],
+) -> Whitening:
+    """Errors of each candidate, from what its paints' coefficients do to the readings."""
+    d = task.discrepancy
+    # In the order of the slopes: k of all paints, then s; the slopes of paints that are not there are 0.
+    known = np.concatenate([task.errors[np.maximum(sets, 0), part] for part in (0, 1)], axis=-2)
+    model = model_covariance(task.wavelengths, readings.shape[1], d, d.amplitude)
+    fixed = noise_covariance(task.noise.sd(readings), task.surface, d)[:, None]
+    scaled = model + coefficient_covariance(slopes, known, task.wavelengths, d)
+    return whiten(np.broadcast_to(fixed, scaled.shape), scaled, d)
+
+
+def first_starts(task: Task, measured: Measured) -> list[Start]:
+    """Sets of one paint and the best of two for every spectrum, from the screening."""
+    kinds = []
+    for size in range(1, min(task.max_paints, 2) + 1):
+        sets = sets_of(task.known, size)
+        keep = min(len(sets), _KEPT_PAIRS) if size == 2 else len(sets)
+        chosen = np.empty((len(measured), keep, size), dtype=np.int32)
+        logs = np.empty(chosen.shape)
+        kinds.append((sets, amounts_grid(size, task.prior.spread), Start(chosen, logs)))
+    white = jnp.asarray(task.common_whitening(measured.readings.shape[1]), float)
+    target = task.target(measured.readings) @ np.asarray(white).T
+    for rows, ground in alike_grounds(measured.grounds):
+        for first in range(0, len(rows), _SCREENED):
+            some = rows[first : first + _SCREENED]
+            # Padded to one of two sizes, so that little is compiled.
+            padded = np.resize(some, 1 if len(some) == 1 else CHUNK if len(some) <= CHUNK else _SCREENED)
+            search = Search(jnp.asarray(target[padded], float), white, jnp.asarray(ground, float))
+            for sets, grid, start in kinds:
+                cost, where = screen(task.response, task.paints, jnp.asarray(sets), jnp.asarray(grid, float), search)
+                best = np.argsort(np.asarray(cost)[: len(some)], axis=1)[:, : start.sets.shape[1]]
+                start.sets[some] = sets[best]
+                start.logs[some] = np.log(grid[np.take_along_axis(np.asarray(where)[: len(some)], best, axis=1)])
+    return [start for _, _, start in kinds]
+
+
+def alike_grounds(
+    grounds: Float[np.ndarray, "spectra grounds bands"],
+) -> list[tuple[Int[np.ndarray, "rows"], Float[np.ndarray, "grounds bands"]]]:
+    """Groups of spectra with nearly the same grounds: their numbers and their mean ground."""
+    left, groups = np.arange(len(grounds)), []
+    while left.size:
+        near = np.abs(grounds[left] - grounds[left[0]]).max(axis=(1, 2)) < _ALIKE
+        groups.append((left[near], grounds[left[near]].mean(axis=0)))
+        left = left[~near]
+    return groups
+
+
+def search_chunk(task: Task, measured: Measured, rows: Int[np.ndarray, "rows"], starts: list[Start]) -> Pool:
+    """Fitted candidates of some spectra, at most `CHUNK`."""
+    # Few sizes, so that little is compiled.
+    padded = np.resize(rows, CHUNK if len(rows) > 1 else 1)
+    readings, ground = measured.readings[padded], jnp.asarray(measured.grounds[padded], float)
+    weights = weights_of(task, readings, alike_errors(task, readings))
+    pool: Pool | None = None
+    last = None
+    for start in starts:
+        start = Start(start.sets[padded], start.logs[padded])
+        last = start.sets, _fit(task, start, ground, weights)
+        pool = _add(pool, _pool(task, *last))
+    assert pool is not None
+    assert last is not None
+    if task.max_paints == 3 and task.known >= 3:
+        start, new = _grown(task, *last, measured.readings[padded], ground)
+        triples = _pool(task, start.sets, _fit(task, start, ground, weights))
+        triples.log_weight[~new] = -np.inf
+        pool = pool.merged(triples)
+    looked_at = pool
+    pool = _nearest(task, _refined(task, pool, readings, ground), readings, ground)
+    if task.layers == 2 and task.max_paints > 1 and task.known > 1:
+        pool = _stacked(task, pool, looked_at, readings, ground, weights)
+    return pool.take(np.broadcast_to(np.arange(pool.log_weight.shape[1]), (len(rows), pool.log_weight.shape[1])))
+
+
+def _refined(task: Task, pool: Pool, readings: np.ndarray, ground: jax.Array) -> Pool:
+    """The best of the pool fitted again with errors of each candidate's own, and the very best once more."""
+    many, few = _REFINED[task.max_paints]
+    pool = _refit(task, pool.best(many), readings, ground)
+    order = np.argsort(-pool.log_weight, axis=1, kind="stable")
+    return _refit(task, pool.take(order[:, :few]), readings, ground).merged(pool.take(order[:, few:]))
+
+
+def _nearest(task: Task, pool: Pool, readings: np.ndarray, ground: jax.Array) -> Pool:
+    """The pool with amounts that come near the readings, as a mixture is shown.
+
+    With errors of its paints' coefficients allowed, the most probable amounts may leave to those errors what other
+    amounts would meet: probabilities follow from that, but nobody would mix it.
+    """
+    d = task.discrepancy
+    # Errors that are not alike at neighbouring bands: a smooth one would be excused.
+    noise = noise_covariance(np.hypot(task.noise.sd(readings), d.amplitude), task.surface, d)
+    near = weights_of(task, readings, whiten(noise, np.zeros_like(noise), d))
+    fitted = fit_sets(task.response, task.paints, *_sets_and_logs(pool), ground, near, task.middle)
+    return _moved(pool, fitted)
+
+
+def _refit(task: Task, pool: Pool, readings: np.ndarray, ground: jax.Array) -> Pool:
+    """All of a pool, with the errors that its paints' coefficients cause where it stands."""
+    sets, logs = _sets_and_logs(pool)
+    slopes = np.asarray(coat_slopes(task.response, task.paints, sets, logs, ground))
+    weights = weights_of(task, readings, own_errors(task, readings, pool.members, slopes))
+    fitted = fit_sets(task.response, task.paints, sets, logs, ground, weights, task.middle, own=True)
+    size = (pool.members != NOBODY).sum(axis=-1)
+    share = np.asarray([-np.inf, *(task.log_set(n) for n in range(1, task.max_paints + 1))])
+    # What was struck out stays so.
+    evidence = task.discrepancy.trust * np.asarray(fitted.log_evidence)
+    weight = np.where(np.isfinite(pool.log_weight), evidence + share[size], -np.inf)
+    spread = np.where(absent_pairs(pool.members), 0.0, np.asarray(fitted.covariance))
+    return replace(_moved(pool, fitted), covariance=spread, log_weight=weight)
+
+
+def _sets_and_logs(pool: Pool) -> tuple[jax.Array, jax.Array]:
+    """Paints and log amounts of a pool, as a fit starts from them."""
+    return jnp.asarray(pool.members), jnp.asarray(np.where(pool.members == NOBODY, 0.0, pool.logs), float)
+
+
+def _moved(pool: Pool, fitted: Fitted) -> Pool:
+    """The pool with the amounts and readings of a fit."""
+    logs = np.where(pool.members == NOBODY, -np.inf, np.asarray(fitted.logs))
+    return replace(pool, logs=logs, readings=np.asarray(fitted.readings))
+
+
+def absent_pairs(members: Int[np.ndarray, "*n 3"]) -> Bool[np.ndarray, "*n 3 3"]:
+    """Where a covariance belongs to a paint that is not there."""
+    absent = members == NOBODY
+    return absent[..., :, None] | absent[..., None, :]
+
+
+def _add(pool: Pool | None, more: Pool) -> Pool:
+    return more if pool is None else pool.merged(more)
+
+
+def _fit(task: Task, start: Start, ground: jax.Array, weights: Weights) -> Fitted:
+    logs = jnp.asarray(np.clip(start.logs, np.log(LEAST), np.log(MOST)), float)
+    return fit_sets(task.response, task.paints, jnp.asarray(start.sets), logs, ground, weights, task.middle)
+
+
+def _pool(
+    task: Task, sets: np.ndarray, fitted: Fitted, coats: np.ndarray | None = None, log_share: float = 0.0
+) -> Pool:
+    """Fitted candidates with room for three paints each."""
+    size = sets.shape[-1]
+    room = ((0, 0), (0, 0), (0, 3 - size))
+    where = np.zeros_like(sets) if coats is None else coats
+    return Pool(
+        np.pad(sets, room, constant_values=NOBODY),
+        np.pad(where, room),
+        np.pad(np.asarray(fitted.logs), room, constant_values=-np.inf),
+        np.pad(np.asarray(fitted.covariance), (*room, (0, 3 - size))),
+        task.discrepancy.trust * np.asarray(fitted.log_evidence) + task.log_set(size) + log_share,
+        np.asarray(fitted.readings),
+    )
+
+
+def _grown(
+    task: Task, pairs: np.ndarray, fitted: Fitted, readings: np.ndarray, ground: jax.Array
+) -> tuple[Start, Bool[np.ndarray, "spectra sets"]]:
+    """Sets of three from the most probable pairs, and whether each is the first of its kind."""
+    rows = np.arange(len(pairs))[:, None]
+    best = np.argsort(-np.asarray(fitted.log_evidence), axis=1)[:, :_GROWN_PAIRS]
+    amounts = np.exp(np.asarray(fitted.logs))[rows, best]
+    sets, tries = grow(pairs[rows, best], amounts, task.known)
+    white = task.common_whitening(readings.shape[1])
+    target = task.target(readings) @ white.T
+    given = (jnp.asarray(a, float) for a in (tries, ground, target, white))
+    cost, where = (np.asarray(a) for a in score(task.response, task.paints, jnp.asarray(sets), *given))
+    keep = min(_KEPT_TRIPLES, len(sets_of(task.known, 3)))
+    # Pairs that overlap can give fewer sets than wanted: then some come twice.
+    found = [unique_best(s, c, keep) for s, c in zip(sets, cost, strict=True)]
+    chosen = np.stack([np.resize(numbers, keep) for numbers in found])
+    new = np.arange(keep) < np.asarray([len(numbers) for numbers in found])[:, None]
+    logs = np.log(np.take_along_axis(tries, where[..., None, None], axis=2)[:, :, 0])
+    return Start(sets[rows, chosen], logs[rows, chosen]), new
+
+
+def _stacked(
+    task: Task, pool: Pool, looked_at: Pool, readings: np.ndarray, ground: jax.Array, weights: Weights
+) -> Pool:
+    """The pool with the best sets of two and three paints that were looked at as two coats too."""
+    pool.log_weight[(pool.members != NOBODY).sum(axis=-1) > 1] += np.log1p(-task.prior.stacked)
+    size = (looked_at.members != NOBODY).sum(axis=-1)
+    for paints in range(2, task.max_paints + 1):
+        ways = orders(paints)
+        weight = np.where(size == paints, looked_at.log_weight, -np.inf)
+        keep = min(_STACKED if paints == 2 else _STACKED // 2, int((size == paints).sum(axis=1).min()))
+        best = np.argsort(-weight, axis=1)[:, :keep]
+        sets = np.take_along_axis(looked_at.members, best[..., None], axis=1)[..., :paints]
+        sets = np.repeat(sets, len(ways), axis=1)
+        coats = np.broadcast_to(np.tile(ways, (keep, 1)), sets.shape)
+        fitted = _fit_stacks(task, sets, coats, readings, ground, weights)
+        stacks = _pool(task, sets, fitted, coats, np.log(task.prior.stacked / len(ways)))
+        struck = ~np.isfinite(np.take_along_axis(weight, best, axis=1))
+        stacks.log_weight[np.repeat(struck, len(ways), axis=1)] = -np.inf
+        pool = pool.merged(stacks)
+    return pool
+
+
+def _fit_stacks(
+    task: Task, sets: np.ndarray, coats: np.ndarray, readings: np.ndarray, ground: jax.Array, weights: Weights
+) -> Fitted:
+    """Stacks with errors of their own."""
+    films = task.paints, jnp.asarray(sets), jnp.asarray(coats)
+    logs = stack_starts(*films, ground, weights, task.optics, task.middle)
+    fitted = None
+    for _ in range(_ROUNDS):
+        slopes = np.asarray(stack_slopes(*films, logs, ground, task.optics))
+        own = weights_of(task, readings, own_errors(task, readings, sets, slopes))
+        fitted = fit_stacks(*films, logs, ground, own, task.optics, task.middle)
+        logs = fitted.logs
+    assert fitted is not None
+    return fitted

@@ -1,0 +1,157 @@
+"""Two coats: the best sets of paints, tried as one coat over another, in both orders, with the solver itself.
+
+The unknowns stay the amounts of the paints; only where each lies changes. A mixture's amounts start no stack well, so
+each is tried at a coarse grid of amounts first.
+"""
+
+import functools
+import itertools
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from glazejax.radiative.stack import stack_hemispherical_reflectance, stack_reflectance_factor
+
+from .fit import Fitted, Weights, fit_one
+from .screen import Paints
+
+_TOLERANCE = 1e-4
+_SCREEN_TOLERANCE = 1e-2
+# Log amounts of each paint that a stack starts from, about the set's usual thickness.
+_STARTS = {2: np.log([0.03, 0.1, 0.3, 0.8, 2.0]), 3: np.log([0.05, 0.25, 1.0])}
+
+
+class Optics(NamedTuple):
+    """Cosines in air and refractive index; without a cosine of viewing, a sphere."""
+
+    cos_incidence: float
+    cos_viewing: float | None
+    refractive_index: float
+
+
+def orders(size: int) -> Int[np.ndarray, "orders size"]:
+    """All ways to put paints in two coats, neither empty: 0 for the upper coat, 1 for the lower."""
+    ways = [way for way in itertools.product((0, 1), repeat=size) if 0 < sum(way) < size]
+    return np.asarray(ways, dtype=np.int32).reshape(-1, size)
+
+
+def stack_readings(
+    k: Float[Array, "size bands"],
+    s: Float[Array, "size bands"],
+    coats: Int[Array, "size"],
+    amounts: Float[Array, "size"],
+    ground: Float[Array, "grounds bands"],
+    optics: Optics,
+    tolerance: float,
+) -> Float[Array, "grounds bands"]:
+    """What two coats read over each ground, without the surface's part.
+
+    Args:
+        k, s: optical thicknesses of the paints at the usual thickness.
+        coats: where each paint lies, 0 above 1.
+        amounts: of the paints.
+        ground: internal reflectance.
+        optics: cosines and index.
+        tolerance: of the solver.
+    """
+    place = (coats[:, None] == jnp.arange(2)) * amounts[:, None]
+    layers_k, layers_s = jnp.einsum("ml,mb->bl", place, k), jnp.einsum("ml,mb->bl", place, s)
+    depth = layers_k + layers_s + 1e-12
+    solver = stack_hemispherical_reflectance
+    if optics.cos_viewing is not None:
+        solver = functools.partial(stack_reflectance_factor, cos_viewing=optics.cos_viewing)
+    return solver(
+        layers_s / depth,
+        depth,
+        ground,
+        refractive_index=optics.refractive_index,
+        cos_incidence=optics.cos_incidence,
+        tolerance=tolerance,
+    )
+
+
+@functools.partial(jax.jit, static_argnames=("optics", "middle"))
+def stack_starts(
+    paints: Paints, sets: Array, coats: Array, ground: Array, weights: Weights, optics: Optics, middle: int
+) -> Float[Array, "spectra sets size"]:
+    """Log amounts to start stacks from: the best of a coarse grid. Arguments as of `fit_stacks`."""
+    size = sets.shape[-1]
+    places = jnp.asarray(list(itertools.product(_STARTS[size], repeat=size)))
+
+    def start(members: Array, coats: Array, ground: Array, weights: Weights) -> Array:
+        k, s = paints.absorption[members], paints.scattering[members]
+
+        def coarse(logs: Array) -> Array:
+            return stack_readings(k, s, coats, jnp.exp(logs), ground, optics, _SCREEN_TOLERANCE).reshape(-1)
+
+        white = weights.basis[middle]
+        off = (weights.target - jax.vmap(coarse)(places)) @ white.T
+        return places[jnp.argmin(jnp.sum(off**2, axis=-1))]
+
+    over_sets = jax.vmap(start, in_axes=(0, 0, None, None))
+    return jax.lax.map(lambda spectrum: over_sets(*spectrum), (sets, coats, ground, weights))
+
+
+@functools.partial(jax.jit, static_argnames=("optics", "middle"))
+def fit_stacks(
+    paints: Paints,
+    sets: Array,
+    coats: Array,
+    starts: Array,
+    ground: Array,
+    weights: Weights,
+    optics: Optics,
+    middle: int,
+) -> Fitted:
+    """Fit candidates of two coats, each with weights of its own.
+
+    Args:
+        paints: of the catalogue.
+        sets: paints of each candidate, (spectra, sets, size).
+        coats: coat of each paint, (spectra, sets, size).
+        starts: log amounts, (spectra, sets, size).
+        ground: internal reflectance, (spectra, grounds, bands).
+        weights: of each candidate.
+        optics: cosines and index.
+        middle: scale of the discrepancy that is fitted with.
+    """
+    size = sets.shape[-1]
+
+    def candidate(members: Array, coats: Array, start: Array, ground: Array, weights: Weights) -> Fitted:
+        k, s = paints.absorption[members], paints.scattering[members]
+
+        def read(amounts: Array) -> Array:
+            return stack_readings(k, s, coats, amounts, ground, optics, _TOLERANCE).reshape(-1)
+
+        def model(amounts: Array) -> tuple[Array, Array]:
+            readings, push = jax.linearize(read, amounts)
+            return readings, jax.vmap(push)(jnp.diag(amounts))
+
+        return fit_one(model, start, jnp.ones(size, bool), weights, middle)
+
+    over_sets = jax.vmap(candidate, in_axes=(0, 0, 0, None, 0))
+    return jax.lax.map(lambda spectrum: over_sets(*spectrum), (sets, coats, starts, ground, weights))
+
+
+@functools.partial(jax.jit, static_argnames="optics")
+def stack_slopes(
+    paints: Paints, sets: Array, coats: Array, logs: Array, ground: Array, optics: Optics
+) -> Float[Array, "spectra sets errors readings"]:
+    """Slopes of the readings by the log of every paint's k, then s, band by band; arguments as of `fit_stacks`."""
+    size = sets.shape[-1]
+
+    def candidate(members: Array, coats: Array, logs: Array, ground: Array) -> Array:
+        both = jnp.stack([paints.absorption[members], paints.scattering[members]])
+
+        # Bands do not meet, so that one tangent moves a coefficient in all of them at once.
+        def read(errors: Array) -> Array:
+            k, s = both * (1.0 + errors[..., None])
+            return stack_readings(k, s, coats, jnp.exp(logs), ground, optics, _TOLERANCE).reshape(-1)
+
+        return jax.jacfwd(read)(jnp.zeros((2, size))).reshape(-1, 2 * size).T
+
+    over_sets = jax.vmap(candidate, in_axes=(0, 0, 0, None))
+    return jax.lax.map(lambda spectrum: over_sets(*spectrum), (sets, coats, logs, ground))

@@ -1,0 +1,1 @@
+"""How sure: Laplace and emcee on the unknowns of films and bands."""

@@ -1,0 +1,356 @@
+"""Sampling by emcee: all walkers of all blocks in one compiled call a half step, chains kept in a file, convergence.
+
+emcee proposes and accepts a walker as a whole, and thirty bands would be one problem of sixty unknowns, of which
+almost every proposal is refused. Blocks do not depend on each other, so the moves here are emcee's own (stretch and
+differential evolution between two halves of the ensemble) done in each block by itself: every block takes a step of
+two unknowns, or seven, and accepts it alone. The rest, the random numbers, the file, the progress bar and the
+autocorrelation times, is emcee's.
+
+A chain counts as converged in a block if what is kept of it is 50 autocorrelation times long, emcee's own rule, and its
+effective sample size is 400 or more.
+"""
+
+import os
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import emcee
+import numpy as np
+from emcee.moves import Move
+from jaxtyping import Float
+
+from .problem import Problem
+
+ENOUGH_TIMES = 50.0
+"""Autocorrelation times that a chain must be long."""
+
+ENOUGH_SAMPLES = 400.0
+"""Effective samples that it must hold."""
+
+GROUP = "mcmc"
+_MARK = "problem"
+
+Ensemble = Float[np.ndarray, "walkers blocks dims"]
+
+
+class BlockMove(Move):
+    """A move of two halves of an ensemble that every block makes and accepts by itself."""
+
+    def __init__(self, blocks: int):
+        self.blocks = blocks
+
+    def step(
+        self, here: Ensemble, there: Ensemble, random: Any
+    ) -> tuple[Ensemble, Float[np.ndarray, "walkers blocks"]]:
+        """Proposals for the walkers here from those there, and the logarithm of the factor in their acceptance."""
+        raise NotImplementedError
+
+    def propose(self, model: Any, state: Any) -> tuple[Any, np.ndarray]:
+        """One step of the whole ensemble; gives the state and the share of blocks that moved, (walkers,)."""
+        walkers = len(state.coords)
+        order = model.random.permutation(walkers)
+        halves = order[: walkers // 2], order[walkers // 2 :]
+        accepted = np.zeros(walkers)
+        coords = state.coords.reshape(walkers, self.blocks, -1)
+        for half, other in (halves, halves[::-1]):
+            proposal, factor = self.step(coords[half], coords[other], model.random)
+            log_prob, parts = model.compute_log_prob_fn(proposal.reshape(len(half), -1))
+            old = _by_block(state.log_prob[half], None if state.blobs is None else state.blobs[half])
+            new = _by_block(log_prob, parts)
+            moves = np.log(model.random.random_sample(new.shape)) < factor + new - old
+            coords[half] = np.where(moves[..., None], proposal, coords[half])
+            old = np.where(moves, new, old)
+            state.log_prob[half] = old.sum(axis=1)
+            if state.blobs is not None:
+                state.blobs[half] = old
+            accepted[half] = moves.mean(axis=1)
+        state.coords = coords.reshape(walkers, -1)
+        return state, accepted
+
+
+def _by_block(total: np.ndarray, parts: np.ndarray | None) -> Float[np.ndarray, "walkers blocks"]:
+    """Log-probabilities of each block: emcee carries those of several as blobs, of a single one as the total."""
+    return total[:, None] if parts is None else np.asarray(parts)
+
+
+class BlockStretch(BlockMove):
+    """Along the line to another walker (Goodman and Weare 2010)."""
+
+    def step(self, here: Ensemble, there: Ensemble, random: Any) -> tuple[Ensemble, np.ndarray]:
+        """See `BlockMove.step`; the stretch z has a density of z^-1/2 on [1/2, 2]."""
+        walkers, blocks, dims = here.shape
+        z = (1.0 + random.random_sample((walkers, blocks))) ** 2 / 2.0
+        partner = there[random.randint(len(there), size=(walkers, blocks)), np.arange(blocks)]
+        return partner + z[..., None] * (here - partner), (dims - 1.0) * np.log(z)
+
+
+class BlockDifference(BlockMove):
+    """By the difference of two other walkers (differential evolution, Nelson, Ford and Payne 2014).
+
+    One step in ten is the whole difference, which carries walkers between two modes.
+    """
+
+    def step(self, here: Ensemble, there: Ensemble, random: Any) -> tuple[Ensemble, np.ndarray]:
+        """See `BlockMove.step`; the move is symmetric."""
+        walkers, blocks, dims = here.shape
+        first = random.randint(len(there), size=(walkers, blocks))
+        second = (first + 1 + random.randint(len(there) - 1, size=(walkers, blocks))) % len(there)
+        usual = 2.38 / np.sqrt(2.0 * dims) * np.exp(0.1 * random.standard_normal((walkers, blocks)))
+        length = np.where(random.random_sample((walkers, blocks)) < 0.1, 1.0, usual)
+        columns = np.arange(blocks)
+        step = length[..., None] * (there[first, columns] - there[second, columns])
+        # So small a shake only keeps the walkers from lying in one plane.
+        return here + step + 1e-6 * random.standard_normal(here.shape), np.zeros((walkers, blocks))
+
+
+@dataclass(frozen=True)
+class Chain:
+    """What was sampled.
+
+    Attributes:
+        free: free unknowns, (steps, walkers, blocks, dims), of every `thin`-th step.
+        log_probability: up to a constant, (steps, walkers, blocks).
+        accepted: mean share of proposals accepted.
+        thin: steps between two that are kept.
+        interrupted: whether it was stopped before it was done.
+    """
+
+    free: Float[np.ndarray, "steps walkers blocks dims"]
+    log_probability: Float[np.ndarray, "steps walkers blocks"]
+    accepted: float
+    thin: int
+    interrupted: bool = False
+
+
+@dataclass(frozen=True)
+class Convergence:
+    """Whether a chain is long enough.
+
+    Attributes:
+        times: longest autocorrelation time of each block, in steps, (blocks,); infinite if it cannot be told.
+        samples: effective sample size of each block, (blocks,).
+        length: steps kept.
+        discarded: steps left out at the start.
+    """
+
+    times: Float[np.ndarray, "blocks"]
+    samples: Float[np.ndarray, "blocks"]
+    length: int
+    discarded: int
+
+    @property
+    def converged(self) -> np.ndarray:
+        """By block, (blocks,)."""
+        return (self.length >= ENOUGH_TIMES * self.times) & (self.samples >= ENOUGH_SAMPLES)
+
+    def words(self) -> str:
+        """One sentence, with the reason."""
+        good, worst = self.converged, float(self.times.max())
+        numbers = (
+            f"{self.length} steps kept, {_ratio(self.length, worst)} autocorrelation times of {worst:.0f} steps, "
+            f"{self.samples.min():.0f} effective samples"
+        )
+        rule = f"{ENOUGH_TIMES:.0f} times and {ENOUGH_SAMPLES:.0f} samples are needed"
+        if good.all():
+            return f"converged: {numbers} ({rule})"
+        if not np.isfinite(worst):
+            return f"not converged: {self.length} steps kept are too few to tell an autocorrelation time ({rule})"
+        where = "" if good.size == 1 else f" in {np.sum(~good)} of {good.size} blocks"
+        more = int(np.ceil(1.2 * ENOUGH_TIMES * worst / 100.0) * 100) + self.discarded
+        return f"not converged{where}: {numbers} ({rule}); a chain of about {more} steps would do"
+
+
+def _ratio(length: int, time: float) -> str:
+    return f"{length / time:.0f}" if np.isfinite(time) else "unknown"
+
+
+def convergence(chain: Chain, values: Float[np.ndarray, "steps walkers blocks quantities"]) -> Convergence:
+    """Autocorrelation times of what is reported, after leaving out five of them, or a tenth if that is more.
+
+    Args:
+        chain: the whole chain.
+        values: of every quantity, on a scale where its mean means something.
+    """
+    steps, walkers, blocks, count = values.shape
+    flat = values.reshape(steps, walkers, -1)
+    times = autocorrelation_times(flat)
+    finite = times[np.isfinite(times)]
+    start = min(steps // 2, max(steps // 10, int(5 * finite.max()) if finite.size else 0))
+    times = autocorrelation_times(flat[start:]).reshape(blocks, count).max(axis=1)
+    samples = np.where(np.isfinite(times), (steps - start) * walkers / times, 0.0)
+    return Convergence(times * chain.thin, samples, (steps - start) * chain.thin, start * chain.thin)
+
+
+def autocorrelation_times(values: Float[np.ndarray, "steps walkers n"]) -> Float[np.ndarray, "n"]:
+    """emcee's estimate for each column, in stored steps, at least 1; infinite for a chain too short or stuck."""
+    if len(values) < 8:
+        return np.full(values.shape[-1], np.inf)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        times = emcee.autocorr.integrated_time(values, tol=0, quiet=True)
+    return np.where(np.isfinite(times) & (times > 0), np.maximum(times, 1.0), np.inf)
+
+
+def run_chain(
+    problem: Problem,
+    start: Ensemble,
+    *,
+    steps: int,
+    thin: int = 5,
+    seed: int = 0,
+    path: Path | None = None,
+    resume: bool = False,
+    overwrite: bool = False,
+    progress: bool = False,
+) -> Chain:
+    """Sample a problem.
+
+    Args:
+        problem: what is sampled.
+        start: of the ensemble, an even number of walkers, at least 2 dims + 2.
+        steps: of the whole chain; a resumed chain goes on until it has as many.
+        thin: every how many steps one is kept.
+        seed: of the random numbers. A resumed chain goes on with its own.
+        path: HDF5 file that every kept step is written to; none keeps the chain in memory.
+        resume: go on with the chain in the file.
+        overwrite: replace the file if there is one.
+        progress: show a bar on stderr.
+
+    Raises:
+        ValueError: too few walkers or steps, or a file whose chain is of another problem.
+        FileExistsError: there is such a file, and neither `resume` nor `overwrite` was asked for.
+        FileNotFoundError: `resume` was, and there is none.
+    """
+    walkers, blocks, dims = start.shape
+    _check(steps, thin, walkers, dims)
+    backend = (
+        emcee.backends.Backend()
+        if path is None
+        else _backend(problem, path, (walkers, blocks * dims), thin, resume, overwrite)
+    )
+
+    def log_prob(points: np.ndarray) -> np.ndarray:
+        parts = problem.log_probability(points.reshape(len(points), blocks, dims))
+        return parts[:, 0] if blocks == 1 else np.concatenate([parts.sum(axis=1, keepdims=True), parts], axis=1)
+
+    moves = [(BlockStretch(blocks), 0.4), (BlockDifference(blocks), 0.6)]
+    sampler = emcee.EnsembleSampler(
+        walkers, blocks * dims, log_prob, moves=moves, backend=backend, vectorize=True, blobs_dtype=np.float64
+    )
+    done = backend.iteration
+    if done == 0:
+        sampler.random_state = np.random.RandomState(seed).get_state()
+        if path is not None:
+            _mark(path, problem, thin)
+    left = steps // thin - done
+    stopped = False
+    if left > 0:
+        # Blocks are sampled side by side, so walkers may be fewer than the unknowns of all blocks together.
+        run = sampler.sample(
+            emcee.State(start.reshape(walkers, -1)) if done == 0 else backend.get_last_sample(),
+            iterations=left,
+            thin_by=thin,
+            skip_initial_state_check=True,
+            progress=progress,
+            progress_kwargs={"desc": "sampling", "unit": " steps"},
+        )
+        with _gentle_interrupt() as asked:
+            for _ in run:
+                if asked.is_set():
+                    stopped = True
+                    break
+    return read_chain(backend, blocks, thin, stopped)
+
+
+def read_chain(backend: Any, blocks: int, thin: int, interrupted: bool = False) -> Chain:
+    """The steps that a backend holds."""
+    steps = backend.iteration
+    if steps == 0:
+        raise ValueError("the chain was stopped before its first step was kept; there is nothing to report")
+    free, log_prob, parts = backend.get_chain(), backend.get_log_prob(), backend.get_blobs()
+    shape = (steps, free.shape[1], blocks)
+    parts = log_prob if parts is None else parts
+    accepted = float(np.mean(backend.accepted)) / steps
+    return Chain(
+        free[:steps].reshape(*shape, -1), np.asarray(parts[:steps]).reshape(shape), accepted, thin, interrupted
+    )
+
+
+def _check(steps: int, thin: int, walkers: int, dims: int) -> None:
+    least = 2 * dims + 2
+    if walkers < least or walkers % 2:
+        raise ValueError(
+            f"{walkers} walkers are not enough, or odd; take an even number of at least {least}, such as 32"
+        )
+    if thin < 1:
+        raise ValueError(f"thin is {thin}; keep every step with 1, or every fifth with 5")
+    if steps < thin:
+        raise ValueError(f"{steps} steps are fewer than one kept step ({thin}); ask for some thousands, such as 4000")
+
+
+def _backend(problem: Problem, path: Path, shape: tuple[int, int], thin: int, resume: bool, overwrite: bool) -> Any:
+    """The file as emcee's backend, new or found again."""
+    import h5py
+
+    if resume:
+        if not path.is_file():
+            raise FileNotFoundError(
+                f"{path}: there is no chain to resume; leave out the request to resume, to start one"
+            )
+        backend = emcee.backends.HDFBackend(str(path), name=GROUP)
+        if not backend.initialized:
+            raise ValueError(f"{path}: this file holds no chain of emcee")
+        with h5py.File(path, "r") as file:
+            mark, kept = file[GROUP].attrs.get(_MARK), int(file[GROUP].attrs.get("thin", 0))
+        if mark != problem.fingerprint:
+            raise ValueError(
+                f"{path}: the chain is of another problem (film, paints, noise or prior differ); resume it with the "
+                "settings that it was started with, or start another chain elsewhere"
+            )
+        if backend.shape != shape or kept != thin:
+            raise ValueError(
+                f"{path}: the chain has {backend.shape[0]} walkers and keeps every {kept}. step, not {shape[0]} and "
+                f"{thin}; ask for the same"
+            )
+        return backend
+    if path.exists() and not overwrite:
+        raise FileExistsError(
+            f"{path}: there is a chain already; resume it, choose another name, or ask to overwrite it"
+        )
+    if path.exists():
+        os.remove(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    return emcee.backends.HDFBackend(str(path), name=GROUP)
+
+
+def _mark(path: Path, problem: Problem, thin: int) -> None:
+    import h5py
+
+    with h5py.File(path, "a") as file:
+        file[GROUP].attrs[_MARK] = problem.fingerprint
+        file[GROUP].attrs["thin"] = thin
+
+
+@contextmanager
+def _gentle_interrupt() -> Iterator[threading.Event]:
+    """Ctrl-C sets the event, so that a step is never cut in two; a second one stops at once."""
+    asked = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield asked
+        return
+    before = signal.getsignal(signal.SIGINT)
+
+    def note(number: int, frame: Any) -> None:
+        del number, frame
+        asked.set()
+        signal.signal(signal.SIGINT, before)
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield asked
+    finally:
+        signal.signal(signal.SIGINT, before)

@@ -1,0 +1,157 @@
+"""Where the model's error is made linear.
+
+A film 30 % off its catalogue has other slopes than the catalogue's film. So readings are made linear about the film as
+it is likeliest to be: the mixture at the mode times its likeliest error, a Gaussian process fitted to what the mixture
+leaves unexplained. Mode, likeliest error and slopes depend on each other and are found in turn. The first slopes are
+those of k d and s d as the readings alone tell them, band by band, with half the gloss that the darkest band allows:
+too much would leave that band no light of its own and no error, and settle the gloss too soon.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..film.films import Instrument
+from ..film.reading import Reading
+from ..film.response import FilmResponse
+from .bands import join_bands, pose_bands
+from .film import FilmPrior, mixture, surface
+from .laplace import climb, find_modes
+from .problem import Problem
+
+_ROUNDS = 4
+_STARTS = 8
+# Gauss-Newton steps towards the likeliest error, and the longest of them in log k or log s.
+_STEPS, _LONGEST = 8, 1.0
+
+
+class _Slopes(NamedTuple):
+    """At log k d and log s d of every band, (films, bands, grounds): the body's reflectance and its slopes."""
+
+    body: np.ndarray
+    by_k: np.ndarray
+    by_s: np.ndarray
+    by_ground: np.ndarray
+
+
+@jax.jit
+def _slopes(
+    log_k: Float[Array, "films bands"],
+    log_s: Float[Array, "films bands"],
+    ground: Float[Array, "films bands grounds"],
+    table: FilmResponse,
+) -> tuple[Array, Array, Array, Array]:
+    def total(log_k: Array, log_s: Array, ground: Array) -> tuple[Array, Array]:
+        body = table.body(jnp.exp(log_k), jnp.exp(log_s), ground)
+        return jnp.sum(body), body
+
+    wide = (jnp.broadcast_to(a[..., None], ground.shape) for a in (log_k, log_s))
+    slopes, body = jax.grad(total, argnums=(0, 1, 2), has_aux=True)(*wide, ground)
+    return body, *slopes
+
+
+def _slopes_at(logs: np.ndarray, ground: np.ndarray, table: FilmResponse) -> _Slopes:
+    return _Slopes(*(np.asarray(a) for a in _slopes(logs[:, 0], logs[:, 1], ground, table)))
+
+
+def pose_errors(
+    problem: Problem, films: Sequence[Reading], instrument: Instrument, prior: FilmPrior, *, seed: int = 0
+) -> tuple[Problem, Float[np.ndarray, "blocks starts dims"]]:
+    """The problem of `glazefit.posterior.film.pose_films` with the model's error, and its modes, best first."""
+    away = np.sqrt(3.0) * np.abs(films[0].wavelengths[:, None] - films[0].wavelengths) / prior.error_length
+    smooth = (1.0 + away) * np.exp(-away)
+    first = _own_logs(films, instrument)
+    problem = _expanded(problem, films, first, np.zeros_like(first), smooth)
+    found = find_modes(problem, starts=_STARTS, seed=seed)
+    for _ in range(_ROUNDS):
+        logs, delta = _likeliest(problem, found[:, 0], films, smooth)
+        problem = _expanded(problem, films, logs + delta, delta, smooth)
+        found = climb(problem, found)
+    return problem, found
+
+
+def _own_logs(films: Sequence[Reading], instrument: Instrument) -> Float[np.ndarray, "films 2 bands"]:
+    """Log k d and log s d that each band's readings are likeliest to come from."""
+    seen = instrument.seen_surface
+    gloss = [0.5 * min(1.0, float(film.reflectance.min()) / seen) if seen else 1.0 for film in films]
+    bands = join_bands([pose_bands(film, g, instrument) for film, g in zip(films, gloss, strict=True)])
+    free = find_modes(bands, starts=_STARTS)[:, 0].reshape(len(films), -1, 2)
+    return np.stack([free[..., 0] + free[..., 1], free[..., 1]], axis=1)
+
+
+def _likeliest(
+    problem: Problem, free: Float[np.ndarray, "films dims"], films: Sequence[Reading], smooth: np.ndarray
+) -> tuple[Float[np.ndarray, "films 2 bands"], Float[np.ndarray, "films 2 bands"]]:
+    """Log k d and log s d of the mixtures, and their likeliest errors, by Gauss-Newton steps."""
+    data, table = problem.data, problem.shared.response
+    k, s, surface = (np.asarray(a) for a in _at(free, data, problem.shared))
+    logs = np.log(np.maximum(np.stack([k, s], axis=1), 1e-9))
+    unexplained = np.asarray(data.reading) - surface[:, None, None]
+    share = np.exp(free[:, -1])[:, None, None] ** 2
+    delta = np.asarray(data.shift)
+    for _ in range(_STEPS):
+        slopes = _slopes_at(logs + delta, np.asarray(data.ground), table)
+        jacobian = _jacobian(slopes)
+        carried = jacobian @ delta.reshape(len(films), -1, 1)
+        left = (unexplained - slopes.body).reshape(carried.shape) + carried
+        variance = _variance(films, slopes).reshape(len(films), -1)
+        back = share * _prior_times(smooth, jacobian)
+        covariance = jacobian @ back + np.eye(variance.shape[1]) * variance[:, None, :]
+        step = (back @ np.linalg.solve(covariance, left)).reshape(delta.shape) - delta
+        delta = delta + step / np.maximum(1.0, np.abs(step).max(axis=(1, 2), keepdims=True) / _LONGEST)
+    return logs, delta
+
+
+@jax.jit
+def _at(free: Float[Array, "films dims"], data, shared) -> tuple[Array, Array, Array]:
+    """k d and s d of the mixture and what the surface adds."""
+    k, s = jax.vmap(mixture)(free, data)
+    return k, s, jax.vmap(surface, in_axes=(0, 0, None))(free, data, shared)
+
+
+def _jacobian(slopes: _Slopes) -> Float[np.ndarray, "films rows errors"]:
+    """From errors of log k and log s of all bands to the readings of all bands and grounds."""
+    films, bands, grounds = slopes.by_k.shape
+    same = np.eye(bands)[None, :, None, :]
+    parts = [(slope[..., None] * same).reshape(films, bands * grounds, bands) for slope in (slopes.by_k, slopes.by_s)]
+    return np.concatenate(parts, axis=-1)
+
+
+def _prior_times(smooth: np.ndarray, jacobian: np.ndarray) -> Float[np.ndarray, "films errors rows"]:
+    """Prior covariance of the errors of log k and log s, per unit, times the transposed Jacobian."""
+    bands = len(smooth)
+    return np.concatenate([smooth @ np.swapaxes(jacobian[..., i : i + bands], 1, 2) for i in (0, bands)], axis=1)
+
+
+def _variance(films: Sequence[Reading], slopes: _Slopes) -> Float[np.ndarray, "films bands grounds"]:
+    """Of the readings by the instrument's noise and the grounds' own error."""
+    through = slopes.by_ground * np.stack([film.ground_sd for film in films])
+    return np.stack([film.sd for film in films]) ** 2 + through**2
+
+
+def _expanded(
+    problem: Problem,
+    films: Sequence[Reading],
+    logs: Float[np.ndarray, "films 2 bands"],
+    delta: Float[np.ndarray, "films 2 bands"],
+    smooth: Float[np.ndarray, "bands bands"],
+) -> Problem:
+    """The problem with its readings linear in errors about `delta`, where the films have these log k d and log s d."""
+    slopes = _slopes_at(logs, np.asarray(problem.data.ground), problem.shared.response)
+    root = 1.0 / np.sqrt(_variance(films, slopes).reshape(len(films), -1))
+    jacobian = _jacobian(slopes)
+    offset = -(jacobian @ delta.reshape(len(films), -1, 1)).reshape(slopes.body.shape)
+    scaled = jacobian * root[..., None]
+    spread, axes = np.linalg.eigh(scaled @ _prior_times(smooth, scaled))
+    data = problem.data._replace(
+        shift=jnp.asarray(delta),
+        offset=jnp.asarray(offset),
+        whiten=jnp.asarray(np.swapaxes(axes, 1, 2) * root[:, None, :]),
+        spread=jnp.asarray(np.sqrt(np.maximum(spread, 0.0))),
+    )
+    return replace(problem, data=data)

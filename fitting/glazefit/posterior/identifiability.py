@@ -1,0 +1,138 @@
+"""What a posterior leaves open: directions in which it is hardly narrower than the prior, put into words.
+
+The directions are eigenvectors of the posterior's covariance after the prior has been made round; an eigenvalue of 1 is
+a direction of which the data say nothing, and .01 one that they narrow ten times.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ..recover.result import ABSOLUTE_LIMIT, RELATIVE_LIMIT
+
+OPEN = 0.25
+"""A direction with this share of the prior's variance, half of its width, or more, is open."""
+
+TIED = 0.95
+"""Unknowns correlated as much as this are known together better than each by itself."""
+
+
+@dataclass(frozen=True)
+class Identifiability:
+    """Directions of one block or of many.
+
+    Attributes:
+        shares: posterior over prior variance in each direction, ascending, (blocks, dims).
+        directions: unit vectors in prior standard deviations, in the same order, (blocks, dims, dims); the last axis
+            is the unknown.
+        correlation: of the unknowns, (blocks, dims, dims).
+        sentences: what is open, in words; none if all is known.
+    """
+
+    shares: Float[np.ndarray, "blocks dims"]
+    directions: Float[np.ndarray, "blocks dims dims"]
+    correlation: Float[np.ndarray, "blocks dims dims"]
+    sentences: tuple[str, ...]
+
+
+def directions(
+    free: Float[np.ndarray, "draws blocks dims"], prior: Float[np.ndarray, "dims dims"]
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Shares, directions and correlation (see `Identifiability`) from draws of the free unknowns."""
+    centred = free - free.mean(axis=0)
+    covariance = np.einsum("nbi,nbj->bij", centred, centred) / max(len(free) - 1, 1)
+    root = np.linalg.inv(np.linalg.cholesky(prior))
+    shares, axes = np.linalg.eigh(root @ covariance @ root.T)
+    # Back into unknowns, each in its own prior's standard deviations.
+    vectors = np.swapaxes(np.linalg.inv(root) @ axes, 1, 2) / np.sqrt(np.diag(prior))
+    vectors /= np.maximum(np.linalg.norm(vectors, axis=-1, keepdims=True), 1e-300)
+    sd = np.sqrt(np.maximum(np.diagonal(covariance, axis1=1, axis2=2), 1e-300))
+    return shares, vectors, covariance / sd[:, :, None] / sd[:, None, :]
+
+
+def of_paints(
+    free: Float[np.ndarray, "draws blocks dims"],
+    prior: Float[np.ndarray, "dims dims"],
+    names: Sequence[str],
+    films: Sequence[str],
+) -> Identifiability:
+    """What is open in films of known paints.
+
+    Args:
+        free: draws of the free unknowns.
+        prior: their covariance before the measurement.
+        names: of the unknowns, in the reader's words.
+        films: names of the blocks.
+    """
+    shares, vectors, correlation = directions(free, prior)
+    sentences = []
+    for b, film in enumerate(films):
+        where = f"{film}: " if len(films) > 1 else ""
+        for share, vector in zip(shares[b], vectors[b], strict=True):
+            if share >= OPEN:
+                sentences.append(where + _open(share, vector, names))
+        for i in range(len(names)):
+            for j in range(i):
+                tie = correlation[b, i, j]
+                if abs(tie) >= TIED:
+                    how = "against each other" if tie < 0 else "together"
+                    sentences.append(
+                        f"{where}{names[j]} and {names[i]} can hardly be told apart: they move {how} "
+                        f"(correlation {tie:.2f})"
+                    )
+    return Identifiability(shares, vectors, correlation, tuple(sentences))
+
+
+def _open(share: float, vector: np.ndarray, names: Sequence[str]) -> str:
+    """One open direction; signs say which unknowns rise together."""
+    parts = np.flatnonzero(np.abs(vector) >= 0.3)
+    parts = parts[np.argsort(-np.abs(vector[parts]))]
+    left = f"{min(np.sqrt(share), 1.0):.0%} of the width it had beforehand"
+    if len(parts) == 1:
+        return f"the data say little of {names[parts[0]]}: it keeps {left}"
+    first = np.sign(vector[parts[0]])
+    moves = ", ".join(f"{names[i]} {'up' if vector[i] * first > 0 else 'down'}" for i in parts)
+    return f"the data say little of one direction ({moves}): it keeps {left}"
+
+
+def of_bands(
+    free: Float[np.ndarray, "draws blocks 2"],
+    prior: Float[np.ndarray, "2 2"],
+    optical: Float[np.ndarray, "draws blocks 2"],
+    wavelengths: Float[np.ndarray, "blocks"],
+) -> Identifiability:
+    """What is open in k d and s d of a film, band by band.
+
+    A value is known if its standard deviation is less than half of it or than .01, the rule of `glazejax recover`.
+
+    Args:
+        free: draws of the free unknowns.
+        prior: their covariance before the measurement.
+        optical: the same draws as k d and s d.
+        wavelengths: nm.
+    """
+    from ..recover.report import ranges
+
+    shares, vectors, correlation = directions(free, prior)
+    k, s, ratio = (_known(values) for values in (optical[..., 0], optical[..., 1], optical[..., 0] / optical[..., 1]))
+    cases = (
+        (only_ratio(optical[..., 0], optical[..., 1]), "only k/s is known, not k and s by themselves"),
+        (~ratio & s & ~k, "s is known, but of k only an upper limit"),
+        (~ratio & k & ~s, "k is known, but s is not"),
+        (~ratio & ~k & ~s, "neither k nor s nor k/s is known to half its value"),
+    )
+    sentences = [f"{ranges(wavelengths, where)}: {what}" for where, what in cases if where.any()]
+    return Identifiability(shares, vectors, correlation, tuple(sentences))
+
+
+def only_ratio(
+    absorption: Float[np.ndarray, "draws blocks"], scattering: Float[np.ndarray, "draws blocks"]
+) -> Bool[np.ndarray, "blocks"]:
+    """Bands of which k/s is known, but not both k and s."""
+    return _known(absorption / scattering) & ~(_known(absorption) & _known(scattering))
+
+
+def _known(values: Float[np.ndarray, "draws blocks"]) -> np.ndarray:
+    return values.std(axis=0) <= np.maximum(RELATIVE_LIMIT * values.mean(axis=0), ABSOLUTE_LIMIT)

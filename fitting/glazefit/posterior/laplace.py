@@ -1,0 +1,220 @@
+"""Laplace's approximation: a Gaussian at each mode, with the curvature there, and a test of how good it is.
+
+Modes are found by least squares from the likeliest of many draws of the prior; a second mode counts by its own volume.
+Draws from the Gaussians are weighted by the true over the Gaussian density, the weights smoothed (Pareto-smoothed
+importance sampling), and drawn again by weight. Where the tail index of the weights is 0.7 or more that fails, and with
+it the approximation; there the Gaussians are left as they are and not to be trusted (Vehtari, Simpson, Gelman, Yao,
+Gabry, JMLR 25 (2024) 72).
+"""
+
+import functools
+import warnings
+from dataclasses import dataclass, replace
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from jaxtyping import Array, Float
+from scipy.special import logsumexp
+
+from ..film.least_squares import GramSchmidt
+from .problem import Problem
+
+TRUSTED_TAIL = 0.7
+_MODES = 3
+_DRAWS_A_START = 48
+_STEPS = 60
+_SOLVER = optx.LevenbergMarquardt(rtol=1e-6, atol=1e-6, linear_solver=GramSchmidt())
+# A direction that the data leave open is taken at most this many prior standard deviations wide.
+_WIDEST = 1.0
+# Modes nearer than this many of their standard deviations are one.
+_APART = 2.0
+
+
+@dataclass(frozen=True)
+class Laplace:
+    """Gaussians in the free unknowns, up to three a block.
+
+    Attributes:
+        modes: best first, (blocks, modes, dims).
+        covariances: (blocks, modes, dims, dims).
+        weights: share of the probability, (blocks, modes); 0 where there is no such mode.
+        tail: Pareto index of the importance weights, (blocks,).
+        sample: draws of the free unknowns, by weight where the index allows, (draws, blocks, dims).
+    """
+
+    modes: Float[np.ndarray, "blocks modes dims"]
+    covariances: Float[np.ndarray, "blocks modes dims dims"]
+    weights: Float[np.ndarray, "blocks modes"]
+    tail: Float[np.ndarray, "blocks"]
+    sample: Float[np.ndarray, "draws blocks dims"]
+
+    @property
+    def trusted(self) -> np.ndarray:
+        """Whether the approximation is good enough for standard errors and intervals, (blocks,)."""
+        return self.tail < TRUSTED_TAIL
+
+    @property
+    def many(self) -> np.ndarray:
+        """Whether a second mode has a hundredth of the probability or more, (blocks,)."""
+        return np.sort(self.weights, axis=1)[:, -2] >= 0.01
+
+    def draws(self, n: int, rng: np.random.Generator) -> Float[np.ndarray, "n blocks dims"]:
+        """Draws of the free unknowns from the Gaussians."""
+        blocks, modes, dims = self.modes.shape
+        chosen = np.array([rng.choice(modes, size=n, p=w) for w in self.weights])
+        roots = np.linalg.cholesky(self.covariances)
+        rows = np.arange(blocks)[:, None]
+        noise = np.einsum("bnij,bnj->bni", roots[rows, chosen], rng.standard_normal((blocks, n, dims)))
+        return np.swapaxes(np.asarray(self.modes[rows, chosen] + noise), 0, 1)
+
+    def log_density(self, free: Float[np.ndarray, "n blocks dims"]) -> Float[np.ndarray, "n blocks"]:
+        """Log-density of the Gaussians, up to a constant."""
+        precision = np.linalg.inv(self.covariances)
+        off = free[:, :, None, :] - self.modes
+        square = np.einsum("nbmi,bmij,nbmj->nbm", off, precision, off)
+        logdet = np.linalg.slogdet(self.covariances)[1]
+        with np.errstate(divide="ignore"):
+            return np.asarray(logsumexp(np.log(self.weights) - 0.5 * (square + logdet), axis=-1))
+
+
+@functools.partial(jax.jit, static_argnames=("residuals", "batch"))
+def _climb(residuals: Any, data: Any, shared: Any, starts: Float[Array, "blocks starts dims"], batch: int) -> Array:
+    """Modes from each start, (blocks, starts, dims)."""
+
+    def block(both: tuple[Any, Array]) -> Array:
+        one, points = both
+
+        def climb(start: Array) -> Array:
+            found = optx.least_squares(
+                lambda free, _: residuals(free, one, shared), _SOLVER, start, max_steps=_STEPS, throw=False
+            )
+            return found.value
+
+        return jax.vmap(climb)(points)
+
+    return jax.lax.map(block, (data, starts), batch_size=batch)
+
+
+@functools.partial(jax.jit, static_argnames=("residuals", "batch"))
+def _curvature(residuals: Any, data: Any, shared: Any, modes: Float[Array, "blocks modes dims"], batch: int) -> Array:
+    """Hessian of minus the log-probability at each mode, (blocks, modes, dims, dims)."""
+
+    def block(both: tuple[Any, Array]) -> Array:
+        one, points = both
+        return jax.vmap(jax.hessian(lambda free: 0.5 * jnp.sum(residuals(free, one, shared) ** 2)))(points)
+
+    return jax.lax.map(block, (data, modes), batch_size=batch)
+
+
+def find_modes(problem: Problem, *, starts: int = 8, seed: int = 0) -> Float[np.ndarray, "blocks starts dims"]:
+    """Where each start of each block ends, best first; a start is the likeliest of many draws of the prior."""
+    return climb(problem, _starts(problem, starts, seed))
+
+
+def climb(problem: Problem, first: Float[np.ndarray, "blocks starts dims"]) -> Float[np.ndarray, "blocks starts dims"]:
+    """Where least squares leads from some points, best first."""
+    blocks, starts, _ = first.shape
+    batch = max(1, problem.chunk * blocks // starts)
+    found = np.array(_climb(problem.residuals, problem.data, problem.shared, first, min(batch, blocks)))
+    height = problem.log_probability(np.swapaxes(found, 0, 1)).T
+    order = np.argsort(-np.nan_to_num(height, nan=-np.inf), axis=1)
+    found = np.take_along_axis(found, order[..., None], axis=1)
+    return found
+
+
+def _starts(problem: Problem, starts: int, seed: int) -> Float[np.ndarray, "blocks starts dims"]:
+    """The likeliest of each group of draws, so that the starts do not all lie in one valley."""
+    blocks = len(problem.blocks)
+    tried = problem.prior_draws(np.random.default_rng(seed), starts * _DRAWS_A_START)
+    values = problem.log_probability(np.repeat(tried[:, None], blocks, axis=1))
+    best = values.reshape(starts, _DRAWS_A_START, blocks).argmax(axis=1)
+    return tried[(best + _DRAWS_A_START * np.arange(starts)[:, None]).T]
+
+
+def laplace(
+    problem: Problem, found: Float[np.ndarray, "blocks starts dims"], *, seed: int = 0, draws: int = 4000
+) -> Laplace:
+    """Laplace's approximation of every block.
+
+    Args:
+        problem: what is sampled.
+        found: its modes, best first, as `find_modes` gives them.
+        seed: of the draws.
+        draws: how many are weighted and kept.
+    """
+    blocks, starts, _ = found.shape
+    batch = min(blocks, max(1, problem.chunk * blocks // (starts * problem.dims)))
+    hessians = np.asarray(_curvature(problem.residuals, problem.data, problem.shared, found, batch))
+    covariances = _inverse(hessians, problem.prior_covariance)
+    height = problem.log_probability(np.swapaxes(found, 0, 1)).T
+    keep = _distinct(found, covariances, height)
+    modes = np.take_along_axis(found, keep.index[..., None], axis=1)
+    covariances = np.take_along_axis(covariances, keep.index[..., None, None], axis=1)
+    volume = np.take_along_axis(height, keep.index, axis=1) + 0.5 * np.linalg.slogdet(covariances)[1]
+    volume = np.where(keep.real, volume, -np.inf)
+    weights = np.exp(volume - logsumexp(volume, axis=1, keepdims=True))
+    first = Laplace(modes, covariances, weights, np.full(blocks, np.nan), np.empty((0, blocks, problem.dims)))
+    tail, sample = _weighted(problem, first, draws, seed)
+    return replace(first, tail=tail, sample=sample)
+
+
+@dataclass(frozen=True)
+class _Kept:
+    index: np.ndarray  # (blocks, modes)
+    real: np.ndarray  # whether there is such a mode
+
+
+def _distinct(found: np.ndarray, covariances: np.ndarray, height: np.ndarray) -> _Kept:
+    """The modes that differ from better ones, and are not hopelessly lower."""
+    blocks, starts, _ = found.shape
+    precision = np.linalg.inv(covariances)
+    index, real = np.zeros((blocks, _MODES), dtype=int), np.zeros((blocks, _MODES), dtype=bool)
+    for b in range(blocks):
+        kept: list[int] = []
+        for s in range(starts):
+            if not np.isfinite(height[b, s]) or height[b, s] < height[b, 0] - 20.0:
+                continue
+            off = found[b, s] - found[b, kept]
+            near = [d @ precision[b, k] @ d < _APART**2 for d, k in zip(off, kept, strict=True)]
+            if not any(near) and len(kept) < _MODES:
+                kept.append(s)
+        index[b, : len(kept)], real[b, : len(kept)] = kept, True
+    return _Kept(index, real)
+
+
+def _inverse(hessians: np.ndarray, prior: np.ndarray) -> np.ndarray:
+    """Covariances, never wider than the prior allows."""
+    root = np.linalg.cholesky(prior)
+    values, axes = np.linalg.eigh(root.T @ np.nan_to_num(hessians) @ root)
+    scaled = root @ axes
+    return np.einsum("...ij,...j,...kj->...ik", scaled, 1.0 / np.maximum(values, _WIDEST**-2), scaled)
+
+
+def _weighted(
+    problem: Problem, gaussian: Laplace, draws: int, seed: int
+) -> tuple[Float[np.ndarray, "blocks"], Float[np.ndarray, "draws blocks dims"]]:
+    """Pareto index of the importance weights of draws from the Gaussians, and the draws taken again by weight."""
+    with warnings.catch_warnings():
+        # ArviZ announces its next version at import.
+        warnings.simplefilter("ignore", FutureWarning)
+        from arviz import psislw
+
+    rng = np.random.default_rng(seed + 1)
+    free = gaussian.draws(draws, rng)
+    log_weights = problem.log_probability(free) - gaussian.log_density(free)
+    # A draw of no probability has no weight.
+    log_weights = np.where(np.isfinite(log_weights), log_weights, log_weights.max(axis=0) - 700.0)
+    with warnings.catch_warnings():
+        # It warns of large indices, which are the answer here.
+        warnings.simplefilter("ignore")
+        smooth, tail = psislw(np.ascontiguousarray(log_weights.T))
+    smooth, tail = np.asarray(smooth).reshape(-1, draws), np.atleast_1d(np.asarray(tail))
+    # Evenly spaced places in the summed weights: less noise than independent draws.
+    places = (np.arange(draws) + rng.random()) / draws
+    for b in np.flatnonzero(tail < TRUSTED_TAIL):
+        summed = np.cumsum(np.exp(smooth[b] - smooth[b].max()))
+        free[:, b] = free[np.searchsorted(summed / summed[-1], places), b]
+    return tail, free

@@ -1,0 +1,279 @@
+"""How well a film is known: the posterior of its paints and thickness, or of k d and s d band by band.
+
+`posterior_of_film` asks how much of which known paint a film holds, how thick it is and how far the paints' own k and
+s are off; `posterior_of_bands` asks for k d and s d at every wavelength of a measured film, with no paint assumed. Both
+give Laplace's standard errors at once and, with `steps`, a chain of emcee beside them.
+
+ArviZ, emcee and h5py are loaded when a posterior is computed, not before.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import Float
+
+from glazejax import Pigment
+
+from ..film.films import Films, Instrument, Noise
+from ..film.gloss import estimate_gloss
+from ..film.reading import Reading, readings
+from .bands import pose_bands
+from .film import FilmPrior, pose_films
+from .film_errors import pose_errors
+from .identifiability import Identifiability, of_bands, of_paints
+from .laplace import Laplace, find_modes, laplace
+from .problem import Problem
+from .summary import Row, compare, numbers
+
+if TYPE_CHECKING:
+    from .chain import Chain, Convergence
+
+
+@dataclass(frozen=True)
+class Posterior:
+    """What is known after a measurement.
+
+    Attributes:
+        problem: what was sampled.
+        films: as measured; one, unless several were sampled side by side.
+        laplace: Laplace's approximation.
+        chain: as sampled, or None.
+    """
+
+    problem: Problem
+    films: tuple[Reading, ...]
+    laplace: Laplace
+    chain: "Chain | None"
+
+    @cached_property
+    def convergence(self) -> "Convergence | None":
+        """Whether the chain is long enough; None if nothing was sampled."""
+        if self.chain is None:
+            return None
+        from .chain import convergence
+
+        draws = self.problem.draws(self.chain.free)
+        values = [np.log(draws[q.name]) if q.logarithmic else draws[q.name] for q in self.problem.quantities]
+        return convergence(self.chain, np.stack(values, axis=-1))
+
+    @property
+    def converged(self) -> bool:
+        """Whether there is a chain and it is long enough in every block."""
+        return self.convergence is not None and bool(self.convergence.converged.all())
+
+    @cached_property
+    def free(self) -> Float[np.ndarray, "steps walkers blocks dims"]:
+        """Draws of the free unknowns: the kept part of the chain, or Laplace's (one walker)."""
+        if self.chain is None or self.convergence is None:
+            return self.laplace.sample[:, None]
+        return self.chain.free[self.convergence.discarded // self.chain.thin :]
+
+    @cached_property
+    def draws(self) -> Mapping[str, Float[np.ndarray, "steps walkers blocks"]]:
+        """Draws of every reported quantity, from `free`."""
+        return self.problem.draws(self.free)
+
+    @cached_property
+    def laplace_draws(self) -> Mapping[str, Float[np.ndarray, "draws blocks"]]:
+        """The same from Laplace's approximation."""
+        return self.problem.draws(self.laplace.sample)
+
+    def summary(self) -> list[Row]:
+        """A row for each quantity of each block: the chain's numbers, Laplace's, and where the two differ."""
+        sampled, approximate = numbers(self.draws), numbers(self.laplace_draws)
+        blocks = self.problem.blocks
+        rows = []
+        for quantity in self.problem.quantities:
+            here, there = sampled[quantity.name], approximate[quantity.name]
+            if self.chain is None:
+                words = ["trusted" if good else "not trusted" for good in self.laplace.trusted]
+            else:
+                share = not quantity.logarithmic
+                words = compare(here, there, logarithmic=quantity.logarithmic, share=share, many=self.laplace.many)
+            state = self.convergence
+            for b, block in enumerate(blocks):
+                rows.append(
+                    Row(
+                        quantity.name,
+                        block,
+                        mean=float(here.mean[b]),
+                        sd=float(here.sd[b]),
+                        lower=float(here.lower[b]),
+                        median=float(here.median[b]),
+                        upper=float(here.upper[b]),
+                        laplace_mean=float(there.mean[b]),
+                        laplace_sd=float(there.sd[b]),
+                        laplace_lower=float(there.lower[b]),
+                        laplace_upper=float(there.upper[b]),
+                        effective_samples=float("nan") if state is None else float(state.samples[b]),
+                        autocorrelation_time=float("nan") if state is None else float(state.times[b]),
+                        converged=state is not None and bool(state.converged[b]),
+                        laplace=words[b],
+                    )
+                )
+        return rows
+
+    @cached_property
+    def identifiability(self) -> Identifiability:
+        """Which directions the measurement leaves open, named."""
+        free = self.free.reshape(-1, *self.free.shape[2:])
+        prior = self.problem.prior_covariance
+        if self.problem.kind == "bands":
+            optical = np.stack([self.draws[name].reshape(free.shape[:2]) for name in ("absorption", "scattering")], -1)
+            return of_bands(free, prior, optical, self.films[0].wavelengths)
+        return of_paints(free, prior, unknowns_in_words(self.problem), self.problem.blocks)
+
+    def words(self) -> str:
+        """Convergence, in a sentence."""
+        if self.convergence is None:
+            return "nothing was sampled: these are Laplace's standard errors"
+        stopped = "stopped early; " if self.chain is not None and self.chain.interrupted else ""
+        return stopped + self.convergence.words()
+
+    @cached_property
+    def inference_data(self) -> Any:
+        """The posterior as ArviZ's InferenceData; see `glazefit.posterior.arviz`."""
+        from .arviz import inference_data
+
+        return inference_data(self)
+
+
+def unknowns_in_words(problem: Problem) -> tuple[str, ...]:
+    """The free unknowns with the paints' names: a log-ratio is called by the paint whose share it moves."""
+    paints = [q.name for q in problem.quantities if q.name.startswith("fraction ")]
+    return (*paints[:-1], *problem.unknowns[max(len(paints) - 1, 0) :])
+
+
+def posterior_of_film(
+    film: Films | Reading,
+    paints: Sequence[Pigment],
+    *,
+    instrument: Instrument | None = None,
+    noise: Noise | None = None,
+    prior: FilmPrior | None = None,
+    steps: int = 5000,
+    walkers: int = 32,
+    thin: int = 5,
+    seed: int = 0,
+    path: str | Path | None = None,
+    resume: bool = False,
+    overwrite: bool = False,
+    progress: bool = False,
+) -> Posterior:
+    """Fractions, thickness, gloss and model error of a film of known paints.
+
+    Args:
+        film: one film over black and white, or a `Reading` (see `over_ground` for one spectrum).
+        paints: one to five, with k and s in 1/m.
+        instrument: by default d:8 with the specular part, refractive index 1.5.
+        noise: of a reading.
+        prior: what is likely beforehand.
+        steps: of the chain; 0 for Laplace's approximation alone.
+        walkers: of the ensemble, even.
+        thin: every how many steps one is kept.
+        seed: of all random numbers.
+        path: HDF5 file for the chain.
+        resume: go on with the chain in it.
+        overwrite: replace it.
+        progress: show a bar on stderr.
+
+    Raises:
+        ValueError: more films than one, paints that do not fit (see `pose_films`), too few walkers or steps, or a
+            chain of another problem.
+        FileExistsError, FileNotFoundError: see `glazefit.posterior.chain.run_chain`.
+    """
+    instrument, prior = instrument or Instrument(), prior or FilmPrior()
+    reading = one_reading(film, instrument, noise or Noise())
+    problem = pose_films([reading], [paints], instrument, prior)
+    problem, found = pose_errors(problem, [reading], instrument, prior, seed=seed)
+    options = {"steps": steps, "walkers": walkers, "thin": thin, "seed": seed, "progress": progress}
+    return sample(problem, (reading,), found, path=path, resume=resume, overwrite=overwrite, **options)
+
+
+def posterior_of_bands(
+    film: Films | Reading,
+    *,
+    gloss: float | None = None,
+    instrument: Instrument | None = None,
+    noise: Noise | None = None,
+    steps: int = 5000,
+    walkers: int = 32,
+    thin: int = 5,
+    seed: int = 0,
+    path: str | Path | None = None,
+    resume: bool = False,
+    overwrite: bool = False,
+    progress: bool = False,
+) -> Posterior:
+    """Optical thicknesses k d and s d of a measured film at every wavelength; no paint is assumed.
+
+    Args:
+        film: one film over black and white, or a `Reading`.
+        gloss: share of the surface's reflection in the readings; by default estimated from films over both cards,
+            and 1 for a `Reading`.
+        instrument, noise, steps, walkers, thin, seed, path, resume, overwrite, progress: see `posterior_of_film`.
+
+    Raises:
+        ValueError, FileExistsError, FileNotFoundError: as `posterior_of_film`.
+    """
+    instrument, noise = instrument or Instrument(), noise or Noise()
+    reading = one_reading(film, instrument, noise)
+    if gloss is None:
+        gloss = float(estimate_gloss(film, instrument, noise)[0]) if isinstance(film, Films) else 1.0
+    problem = pose_bands(reading, gloss, instrument)
+    found = find_modes(problem, seed=seed)
+    options = {"steps": steps, "walkers": walkers, "thin": thin, "seed": seed, "progress": progress}
+    return sample(problem, (reading,), found, path=path, resume=resume, overwrite=overwrite, **options)
+
+
+def sample(
+    problem: Problem,
+    films: tuple[Reading, ...],
+    found: Float[np.ndarray, "blocks starts dims"],
+    *,
+    steps: int,
+    walkers: int,
+    thin: int = 5,
+    seed: int = 0,
+    path: str | Path | None = None,
+    resume: bool = False,
+    overwrite: bool = False,
+    progress: bool = False,
+) -> Posterior:
+    """Sample a problem from draws of its Laplace approximation at the modes found; with `steps` 0 that is all."""
+    if steps < 0:
+        raise ValueError(f"{steps} steps were asked for; ask for some thousands, or for 0 to sample nothing")
+    approximate = laplace(problem, found, seed=seed)
+    if steps == 0:
+        return Posterior(problem, films, approximate, None)
+    from .chain import run_chain
+
+    chain = run_chain(
+        problem,
+        approximate.draws(walkers, np.random.default_rng(seed)),
+        steps=steps,
+        thin=thin,
+        seed=seed,
+        path=None if path is None else Path(path),
+        resume=resume,
+        overwrite=overwrite,
+        progress=progress,
+    )
+    return Posterior(problem, films, approximate, chain)
+
+
+def one_reading(film: Films | Reading, instrument: Instrument, noise: Noise) -> Reading:
+    """The film as a `Reading`.
+
+    Raises:
+        ValueError: there are more films than one, or none.
+    """
+    if isinstance(film, Reading):
+        return film
+    if len(film) != 1:
+        raise ValueError(f"a posterior is of one film, not of {len(film)}; choose one with films.select([name])")
+    return readings(film, instrument, noise)[0]

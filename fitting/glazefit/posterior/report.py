@@ -1,0 +1,96 @@
+"""What `glazejax posterior` tells its user: a table, sentences, and summary.csv."""
+
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from glazejax.io import write_table
+
+from .laplace import TRUSTED_TAIL
+from .plots import shown
+from .posterior import Posterior
+from .summary import AGREES, Row
+
+
+def print_posterior(posterior: Posterior, console: Console) -> None:
+    """Print the numbers, what is open, where Laplace fails, and whether the chain has converged."""
+    rows = posterior.summary()
+    table = _bands(posterior, rows) if posterior.problem.kind == "bands" else _film(posterior, rows)
+    console.print(table)
+    for sentence in posterior.identifiability.sentences:
+        console.print(f"[yellow]Open:[/yellow] {sentence}.")
+    if not posterior.identifiability.sentences:
+        console.print("No direction is left open: every unknown is narrower than beforehand.")
+    console.print(_laplace(posterior, rows))
+    colour = "green" if posterior.converged else "yellow"
+    words = posterior.words()
+    console.print(f"[{colour}]{words[0].upper()}{words[1:]}.[/{colour}]")
+
+
+def _film(posterior: Posterior, rows: list[Row]) -> Table:
+    sampled = posterior.chain is not None
+    table = Table(title=f"{posterior.films[0].name}: median [5 %, 95 %]", title_justify="left", box=None)
+    table.add_column("", no_wrap=True)
+    titles = ("emcee", "sd", "Laplace", "sd") if sampled else ("Laplace", "sd")
+    for title in titles:
+        table.add_column(title, justify="right", no_wrap=True)
+    table.add_column("Laplace" if sampled else "its own test")
+    for row in rows:
+        title = shown(row.quantity, np.zeros(1))[0]
+        scale = float(shown(row.quantity, np.ones(1))[1][0])
+        cells = [_interval(row.median, row.lower, row.upper, scale), f"{scale * row.sd:.2g}"]
+        if sampled:
+            ends = f"[{scale * row.laplace_lower:.3g}, {scale * row.laplace_upper:.3g}]"
+            cells += [ends, f"{scale * row.laplace_sd:.2g}"]
+        table.add_row(title, *cells, row.laplace)
+    return table
+
+
+def _interval(median: float, lower: float, upper: float, scale: float = 1.0) -> str:
+    return f"{scale * median:.3g} [{scale * lower:.3g}, {scale * upper:.3g}]"
+
+
+def _bands(posterior: Posterior, rows: list[Row]) -> Table:
+    sampled = posterior.chain is not None
+    table = Table(title=f"{posterior.films[0].name}: median [5 %, 95 %]", title_justify="left", box=None)
+    for title in ("band", "k d", "s d", "k/s", *(("ESS",) if sampled else ())):
+        table.add_column(title, justify="right", no_wrap=True)
+    table.add_column("Laplace" if sampled else "its own test")
+    for block in posterior.problem.blocks:
+        mine = {row.quantity: row for row in rows if row.block == block}
+        cells = [_interval(r.median, r.lower, r.upper) for r in mine.values()]
+        words = list(dict.fromkeys(r.laplace for r in mine.values()))
+        others = [w for w in words if w != AGREES]
+        samples = [f"{next(iter(mine.values())).effective_samples:.0f}"] if sampled else []
+        table.add_row(block.removesuffix(" nm"), *cells, *samples, ", ".join(others) or words[0])
+    return table
+
+
+def _laplace(posterior: Posterior, rows: list[Row]) -> str:
+    """One sentence on Laplace's approximation."""
+    many = len(posterior.problem.blocks) > 1
+    if posterior.chain is None:
+        bad = int((~posterior.laplace.trusted).sum())
+        if not many:
+            k = posterior.laplace.tail[0]
+            verdict = "can" if posterior.laplace.trusted[0] else "cannot"
+            return f"Laplace's errors {verdict} be trusted: tail index {k:.2f}, good below {TRUSTED_TAIL:g}."
+        where = f"in {bad} of {len(posterior.problem.blocks)} bands (tail index {TRUSTED_TAIL:g} or more)"
+        return f"Laplace's errors {'cannot be trusted ' + where if bad else 'can be trusted in every band'}."
+    off = [row for row in rows if row.laplace != AGREES]
+    if not off:
+        return "Laplace's 90 % intervals agree with the chain's everywhere."
+    if not many:
+        parts = [f"{shown(row.quantity, np.zeros(1))[0].split(' (')[0]} ({row.laplace})" for row in off]
+        return "Laplace's 90 % intervals differ from the chain's for " + ", ".join(parts) + "."
+    blocks = len({row.block for row in off})
+    return f"Laplace's 90 % intervals differ from the chain's in {blocks} of {len(posterior.problem.blocks)} bands."
+
+
+def write_summary(posterior: Posterior, path: Path, *, overwrite: bool = False) -> None:
+    """Write the summary as a table, a line a quantity and block; thickness in m, fractions 0 to 1."""
+    rows = [asdict(row) for row in posterior.summary()]
+    write_table(path, list(rows[0]), [list(row.values()) for row in rows], overwrite=overwrite)

@@ -1,0 +1,1 @@
+"""Which paints, in which coats, give a wanted colour."""

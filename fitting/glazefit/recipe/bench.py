@@ -1,0 +1,226 @@
+"""The painter's bench as arrays: paints, ground, instrument and light, and the colour of many coats at once.
+
+A stack is an array (coats, paints), top first: what each paint takes of each coat's thickness. Lengths are in
+micrometres here, k and s in 1/micrometre. While a stack is refined it is a few slots, each a paint in a coat with the
+logarithm of a free amount; the thickness of a coat, the sum of its amounts, is held between bounds by a sigmoid.
+"""
+
+import functools
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from glazejax import Bidirectional, Hemispherical, Pigment, colour
+from glazejax.geometry import Geometry
+from glazejax.radiative.common.fresnel import dielectric_reflectance
+from glazejax.radiative.stack import stack_hemispherical_reflectance, stack_reflectance_factor
+
+from ..film.response import FilmResponse, film_response
+
+# A colour difference of a hundredth needs no more of the solver.
+TOLERANCE = 1e-5
+
+READ_CHUNK = 128
+"""Stacks that are solved at a time."""
+
+
+class Optics(NamedTuple):
+    """Instrument and refractive index as plain numbers, which a compiled program takes as constants."""
+
+    cos_incidence: float
+    cos_viewing: float | None  # None for a sphere
+    refractive_index: float
+
+    @classmethod
+    def of(cls, geometry: Geometry, refractive_index: float) -> "Optics":
+        """Plain numbers of an instrument."""
+        viewing = float(np.asarray(geometry.cos_viewing)) if isinstance(geometry, Bidirectional) else None
+        return cls(float(np.asarray(geometry.cos_incidence)), viewing, float(refractive_index))
+
+
+class Bench(NamedTuple):
+    """All that does not change while a recipe is sought."""
+
+    absorption: Float[Array, "paints bands"]  # 1/um
+    scattering: Float[Array, "paints bands"]  # 1/um
+    ground: Float[Array, "bands"]
+    surface: Float[Array, ""]  # what the outer surface adds to a reading
+    weights: Float[Array, "bands lights 3"]  # reflectance to XYZ
+    white: Float[Array, "lights 3"]
+    span: Float[Array, "2"]  # logarithms of the thinnest and thickest coat, um
+    film: FilmResponse
+
+
+class Slots(NamedTuple):
+    """Which paint lies in which coat, 0 on top; unused slots fill the array up."""
+
+    paint: Int[Array, "*batch slots"]
+    coat: Int[Array, "*batch slots"]
+    used: Bool[Array, "*batch slots"]
+
+
+def make_bench(
+    pigments: Sequence[Pigment],
+    ground: float | Float[np.ndarray, "bands"],
+    geometry: Geometry,
+    refractive_index: float,
+    illuminants: Sequence[str],
+    observer: str,
+    thickness: tuple[float, float],
+) -> Bench:
+    """Arrays of a bench; thickness in m, k and s in 1/m as everywhere else.
+
+    Args:
+        pigments: on one grid.
+        ground: internal reflectance, scalar or (bands,).
+        geometry, refractive_index: the instrument and the index of all coats.
+        illuminants, observer: full names.
+        thickness: of the thinnest and the thickest coat, m.
+    """
+    grid = pigments[0].wavelengths
+    weights = np.stack([colour.colour_weights(grid, name, observer) for name in illuminants], axis=1)
+    surface = 0.0
+    mirror = isinstance(geometry, Hemispherical) or geometry.incidence == geometry.viewing
+    if geometry.specular and mirror:
+        surface = float(dielectric_reflectance(jnp.asarray(geometry.cos_incidence), jnp.asarray(refractive_index)))
+    return Bench(
+        jnp.stack([p.absorption for p in pigments]) * 1e-6,
+        jnp.stack([p.scattering for p in pigments]) * 1e-6,
+        jnp.broadcast_to(jnp.asarray(ground, float), grid.shape),
+        jnp.asarray(surface),
+        jnp.asarray(weights),
+        jnp.asarray(weights.sum(axis=0)),
+        jnp.log(jnp.asarray(thickness) * 1e6),
+        film_response(geometry, refractive_index),
+    )
+
+
+def lab_of(bench: Bench, spectra: Float[Array, "*batch bands"]) -> Float[Array, "*batch lights 3"]:
+    """L*a*b* of readings under every light of the bench."""
+    # One dot product a light and component; full precision also on an accelerator.
+    xyz = jnp.tensordot(spectra, bench.weights, axes=1, precision="highest")
+    return colour.xyz_to_lab(xyz, bench.white)
+
+
+def coat_thickness(bench: Bench, total: Float[Array, "*coats"]) -> Float[Array, "*coats"]:
+    """Thickness of coats, um, within the bounds, from free totals, > 0; they agree in the middle of the range."""
+    low, high = bench.span
+    room = jnp.maximum(high - low, 1e-9)
+    return jnp.exp(low + room * jax.nn.sigmoid(4.0 / room * (jnp.log(total) - 0.5 * (low + high))))
+
+
+def free_total(bench: Bench, thickness: Float[np.ndarray, "*coats"]) -> Float[np.ndarray, "*coats"]:
+    """The inverse of `coat_thickness`, with bounds moved inwards a little, where the sigmoid has a slope."""
+    low, high = np.asarray(bench.span)
+    room = max(high - low, 1e-9)
+    share = np.clip((np.log(thickness) - low) / room, 0.02, 0.98)
+    return np.exp(0.5 * (low + high) + room / 4.0 * (np.log(share) - np.log1p(-share)))
+
+
+def amounts(bench: Bench, slots: Slots, logs: Float[Array, "slots"], coats: int) -> Float[Array, "coats slots"]:
+    """What each paint takes of its coat's thickness, um, from logarithms of free amounts; for one candidate."""
+    member = slots.used & (slots.coat == jnp.arange(coats)[:, None])
+    free = jnp.where(member, jnp.exp(logs), 0.0)
+    total = jnp.where(member.any(axis=1), free.sum(axis=1), 1.0)
+    return free * (coat_thickness(bench, total) / total)[:, None]
+
+
+def fill_slots(
+    bench: Bench, sizes: Float[np.ndarray, "n coats paints"], count: int
+) -> tuple[Slots, Float[np.ndarray, "n count"]]:
+    """Slots and logarithms of free amounts of stacks.
+
+    Args:
+        bench: its bounds hold.
+        sizes: what each paint takes of each coat's thickness, um, 0 where it is not there.
+        count: number of slots, at least the number of amounts above 0.
+    """
+    flat = sizes.reshape(len(sizes), -1)
+    # Amounts above 0 first, in the order of coats and paints.
+    order = np.argsort(flat <= 0, axis=1, kind="stable")[:, :count]
+    order = np.pad(order, ((0, 0), (0, max(0, count - order.shape[1]))))
+    used = np.arange(count) < (flat > 0).sum(axis=1)[:, None]
+    coat, paint = np.divmod(np.where(used, order, 0), sizes.shape[2])
+    total = sizes.sum(axis=2)
+    scale = free_total(bench, np.maximum(total, 1e-9)) / np.maximum(total, 1e-9)
+    free = np.take_along_axis((sizes * scale[:, :, None]).reshape(len(sizes), -1), np.where(used, order, 0), axis=1)
+    return Slots(jnp.asarray(paint), jnp.asarray(coat), jnp.asarray(used)), np.where(
+        used, np.log(np.where(used, free, 1.0)), 0.0
+    )
+
+
+def empty_slots(
+    slots: Slots, amounts: Float[np.ndarray, "n coats slots"], paints: int
+) -> Float[np.ndarray, "n coats paints"]:
+    """The inverse of `fill_slots`, from amounts in um."""
+    return np.einsum(
+        "ncs,nsp->ncp", amounts, np.eye(paints)[np.asarray(slots.paint)] * np.asarray(slots.used)[:, :, None]
+    )
+
+
+def quick_reading(
+    bench: Bench, kd: Float[Array, "*batch coats bands"], sd: Float[Array, "*batch coats bands"]
+) -> Float[Array, "*batch bands"]:
+    """What the instrument reads, by the table: exact for one coat.
+
+    A lower coat counts as the Lambertian ground that would read the same when bare, so that two coats are right to
+    about one Delta E. It serves to choose what to look at more closely.
+    """
+    ground = bench.ground
+    body = ground
+    for coat in reversed(range(kd.shape[-2])):
+        body = bench.film.body(kd[..., coat, :], sd[..., coat, :], ground)
+        if coat:
+            ground = internal(bench, body)
+    return body + bench.surface
+
+
+def internal(bench: Bench, body: Float[Array, "*batch bands"]) -> Float[Array, "*batch bands"]:
+    """Internal reflectance of the Lambertian ground that, bare, reads `body` without the outer surface's part."""
+    nothing = jnp.zeros((), body.dtype)
+    black, gain, back = bench.film.numbers(nothing, nothing)
+    return jnp.clip((body - black) / (gain + back * (body - black)), 0.0, 1.0)
+
+
+def true_reading(
+    bench: Bench, kd: Float[Array, "*batch coats bands"], sd: Float[Array, "*batch coats bands"], optics: Optics
+) -> Float[Array, "*batch bands"]:
+    """What the instrument reads, by the solver."""
+    kd, sd = jnp.swapaxes(kd, -1, -2), jnp.swapaxes(sd, -1, -2)
+    depth = kd + sd
+    absent = depth <= 0
+    albedo = jnp.where(absent, 0.0, sd) / jnp.where(absent, 1.0, depth)
+    solver = stack_hemispherical_reflectance
+    if optics.cos_viewing is not None:
+        solver = functools.partial(stack_reflectance_factor, cos_viewing=optics.cos_viewing)
+    return bench.surface + solver(
+        albedo,
+        depth,
+        bench.ground,
+        refractive_index=optics.refractive_index,
+        cos_incidence=optics.cos_incidence,
+        tolerance=TOLERANCE,
+    )
+
+
+def readings(
+    bench: Bench, sizes: Float[np.ndarray, "n coats paints"], optics: Optics | None
+) -> Float[np.ndarray, "n bands"]:
+    """What the instrument reads on each of many stacks: by the solver, or without `optics` by the table."""
+    done = []
+    # Pieces of one size, so that one program serves all.
+    size = READ_CHUNK if optics else 4 * READ_CHUNK
+    for first in range(0, len(sizes), size):
+        rows = np.arange(first, first + size).clip(max=len(sizes) - 1)
+        done.append(np.asarray(_read(bench, jnp.asarray(sizes[rows]), optics))[: len(sizes) - first])
+    return np.concatenate(done) if done else np.zeros((0, bench.ground.size))
+
+
+@functools.partial(jax.jit, static_argnames="optics")
+def _read(bench: Bench, sizes: Float[Array, "n coats paints"], optics: Optics | None) -> Float[Array, "n bands"]:
+    kd, sd = sizes @ bench.absorption, sizes @ bench.scattering
+    return quick_reading(bench, kd, sd) if optics is None else true_reading(bench, kd, sd, optics)

@@ -1,0 +1,162 @@
+"""From refined stacks to what a painter can mix: simplified, rounded, and the best few that differ."""
+
+import itertools
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from glazejax.colour import delta_e_2000
+
+from .bench import Bench, Optics, lab_of, readings
+from .screen import Aims, Stacks
+
+IN_GAMUT = 1.0
+"""A target counts as reached below this Delta E 2000."""
+
+SHARE_STEP, THICKNESS_STEP = 0.001, 0.1
+"""Shares of a coat are rounded to 0.1 %, thicknesses to 0.1 um."""
+
+# A paint that is less than this of its coat, or a coat that changes the colour less than this, is tried without.
+_LITTLE, _UNSEEN = 0.01, 0.1
+
+
+@dataclass(frozen=True)
+class Scored:
+    """A stack and how near it comes to its target.
+
+    Attributes:
+        sizes: (coats, paints), what each paint takes of each coat's thickness, um.
+        reading: (bands,), what the instrument reads.
+        delta_e: (lights,), Delta E 2000.
+        score: root of mean squared Delta E and of the penalty for another spectrum.
+    """
+
+    sizes: Float[np.ndarray, "coats paints"]
+    reading: Float[np.ndarray, "bands"]
+    delta_e: Float[np.ndarray, "lights"]
+    score: float
+    paints: frozenset[int] = field(init=False)
+    coats: int = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "paints", frozenset(np.flatnonzero(self.sizes.sum(axis=0) > 0).tolist()))
+        object.__setattr__(self, "coats", int((self.sizes.sum(axis=1) > 0).sum()))
+
+    @property
+    def signature(self) -> tuple[frozenset[int], ...]:
+        """Which paints lie in which coat, top first."""
+        return tuple(frozenset(np.flatnonzero(coat > 0).tolist()) for coat in self.sizes if coat.any())
+
+    @property
+    def distance(self) -> float:
+        """Largest Delta E 2000 under the lights asked for."""
+        return float(self.delta_e.max())
+
+    def effort(self, simplicity: float) -> tuple[bool, float]:
+        """What recipes are ordered by: in gamut first, then the score and the price of every paint and coat."""
+        return not self.distance < IN_GAMUT, self.score + simplicity * (len(self.paints) + self.coats)
+
+
+def score(bench: Bench, optics: Optics, aims: Aims, stacks: Stacks) -> list[Scored]:
+    """Stacks as the solver sees them, with Delta E 2000 by colour-science."""
+    reading = readings(bench, stacks.sizes, optics)
+    reached = np.asarray(lab_of(bench, jnp.asarray(reading)))
+    delta_e = delta_e_2000(reached, np.asarray(aims.lab)[stacks.target])
+    miss = reading - np.asarray(aims.spectrum)[stacks.target]
+    spectral = np.asarray(aims.spectral)[stacks.target] * np.sum(miss**2, axis=-1)
+    total = np.sqrt(np.mean(delta_e**2, axis=-1) + spectral)
+    rows = zip(stacks.sizes, reading, delta_e, total.tolist(), strict=True)
+    return [Scored(*row) for row in rows]
+
+
+def simplified(bench: Bench, stacks: Stacks) -> Stacks:
+    """Stacks without the paints that are hardly in them and the coats that hardly show: fewer, to be refined again."""
+    share = stacks.sizes / np.maximum(stacks.sizes.sum(axis=2, keepdims=True), 1e-12)
+    sizes = np.where(share < _LITTLE, 0.0, stacks.sizes)
+    whole = _first_lab(bench, sizes)
+    for coat in range(sizes.shape[1]):
+        without = sizes.copy()
+        without[:, coat] = 0.0
+        unseen = delta_e_2000(_first_lab(bench, without), whole) < _UNSEEN
+        unseen &= without.any(axis=(1, 2)) & sizes[:, coat].any(axis=1)
+        sizes[unseen] = without[unseen]
+    changed = np.flatnonzero(((sizes > 0) != (stacks.sizes > 0)).any(axis=(1, 2)))
+    return Stacks(packed(sizes[changed]), stacks.target[changed], stacks.cost[changed])
+
+
+def _first_lab(bench: Bench, sizes: Float[np.ndarray, "n coats paints"]) -> Float[np.ndarray, "n 3"]:
+    return np.asarray(lab_of(bench, jnp.asarray(readings(bench, sizes, None))))[:, 0]
+
+
+def packed(sizes: Float[np.ndarray, "n coats paints"]) -> Float[np.ndarray, "n coats paints"]:
+    """Stacks with their empty coats last."""
+    order = np.argsort(~sizes.any(axis=2), axis=1, kind="stable")
+    return np.take_along_axis(sizes, order[:, :, None], axis=1)
+
+
+def select(pool: Sequence[Scored], count: int, simplicity: float) -> list[Scored]:
+    """The best few that differ in their paints or in the order of their coats.
+
+    A recipe that takes a simpler one and adds to it without coming nearer is left out while there are others.
+    """
+    chosen: list[Scored] = []
+    spare: list[Scored] = []
+    seen = set()
+    for one in sorted(pool, key=lambda one: one.effort(simplicity)):
+        if one.signature in seen:
+            continue
+        seen.add(one.signature)
+        embellished = any(
+            other.paints <= one.paints and other.coats <= one.coats and one.score > other.score - simplicity
+            for other in chosen
+        )
+        (spare if embellished else chosen).append(one)
+        if len(chosen) == count:
+            break
+    return chosen + spare[: count - len(chosen)]
+
+
+def roundings(sizes: Float[np.ndarray, "coats paints"], span: tuple[float, float]) -> list[Float[np.ndarray, "c p"]]:
+    """The stacks in round numbers next to a stack: every share and thickness up or down.
+
+    Args:
+        sizes: (coats, paints), um.
+        span: thinnest and thickest coat, um.
+    """
+    thickness = sizes.sum(axis=1)
+    per_coat = [list(_round_coats(coat, total, span)) for coat, total in zip(sizes, thickness, strict=True)]
+    return [np.stack(choice) for choice in itertools.product(*per_coat)]
+
+
+def _round_coats(coat: Float[np.ndarray, "paints"], total: float, span: tuple[float, float]) -> Iterator[np.ndarray]:
+    if total == 0:
+        yield coat
+        return
+    low, high = (np.floor(total / THICKNESS_STEP), np.ceil(total / THICKNESS_STEP))
+    slack = 1e-9
+    round_sizes = {n * THICKNESS_STEP for n in (low, high) if span[0] - slack <= n * THICKNESS_STEP <= span[1] + slack}
+    there = np.flatnonzero(coat > 0)
+    main = there[np.argmax(coat[there])]
+    others = [paint for paint in there if paint != main]
+    for size in sorted(round_sizes) or [total]:
+        ends = [(np.floor(coat[p] / total / SHARE_STEP), np.ceil(coat[p] / total / SHARE_STEP)) for p in others]
+        for choice in itertools.product(*(sorted(set(pair)) for pair in ends)):
+            shares = np.zeros_like(coat)
+            shares[others] = np.array(choice) * SHARE_STEP
+            shares[main] = 1.0 - shares.sum()
+            yield shares * size
+
+
+def rounded(
+    bench: Bench, optics: Optics, aims: Aims, chosen: Sequence[tuple[int, Scored]], simplicity: float
+) -> list[Scored]:
+    """Each recipe, given with its target, in the round numbers that come nearest."""
+    low, high = np.exp(np.asarray(bench.span)).tolist()
+    options = [roundings(one.sizes, (low, high)) for _, one in chosen]
+    targets = np.repeat([target for target, _ in chosen], [len(some) for some in options])
+    flat = packed(np.stack([sizes for some in options for sizes in some]))
+    results = iter(score(bench, optics, aims, Stacks(flat, targets, np.zeros(len(flat)))))
+    return [min((next(results) for _ in some), key=lambda one: one.effort(simplicity)) for some in options]

@@ -1,0 +1,104 @@
+"""Pictures of recipes: target and recipe side by side, their spectra, and what to mix."""
+
+import textwrap
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from .recipe import Recipe
+from .report import describe_coat, recipe_hex, target_hex
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+_INK, _FAINT, _TARGET = "#26221e", "#7d766e", "#a9a29a"
+_STYLE: dict[Any, Any] = {
+    "text.color": _INK,
+    "axes.edgecolor": _FAINT,
+    "axes.labelcolor": _INK,
+    "xtick.color": _FAINT,
+    "ytick.color": _FAINT,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+}
+# Inches: a cell, its text below and its title above, and the margins of the figure.
+_WIDTH, _SWATCH, _CURVES, _TEXT, _TITLE = 3.0, 0.8, 1.15, 1.02, 0.34
+_LEFT, _TOP, _BOTTOM = 0.55, 0.95, 0.3
+
+
+def recipe_figure(recipes: Sequence[Recipe], *, titles: Sequence[str], heading: str, subtitle: str) -> "Figure":
+    """One cell a recipe: swatches, spectra, and the coats in words.
+
+    Args:
+        recipes: at least one.
+        titles: above each cell.
+        heading, subtitle: above all of them.
+
+    Returns:
+        A matplotlib figure; save it with ``.savefig(path, dpi=100)``.
+    """
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    columns = min(len(recipes), 6 if len(recipes) > 10 else 5)
+    rows = -(-len(recipes) // columns)
+    cell = _TITLE + _SWATCH + _CURVES + _TEXT
+    width = max(_LEFT + columns * _WIDTH + 0.1, 9.5)
+    height = _TOP + rows * cell + _BOTTOM
+    with rc_context(_STYLE):
+        figure = Figure(figsize=(width, height), facecolor="white")
+        figure.text(0.25 / width, 1 - 0.34 / height, heading, fontsize=20, fontweight="bold", va="center")
+        # A letter is about half as wide as it is high.
+        size = min(12.0, 72.0 * (width - 0.5) / (0.53 * len(subtitle)))
+        figure.text(0.25 / width, 1 - 0.68 / height, subtitle, fontsize=size, color=_FAINT, va="center")
+        for number, (recipe, title) in enumerate(zip(recipes, titles, strict=True)):
+            row, column = divmod(number, columns)
+            left, top = _LEFT + column * _WIDTH, height - _TOP - row * cell
+
+            def box(down: float, tall: float, left: float = left, top: float = top) -> tuple:
+                return left / width, (top - down - tall) / height, (_WIDTH - 0.35) / width, tall / height
+
+            swatch = figure.add_axes(box(_TITLE, _SWATCH))
+            _draw_swatch(swatch, recipe, title)
+            curves = figure.add_axes(box(_TITLE + _SWATCH + 0.1, _CURVES - 0.1))
+            _draw_spectra(curves, recipe, labelled=column == 0)
+            words = "\n".join(_wrapped(describe_coat(coat)) for coat in recipe.coats)
+            x, y, *_ = box(_TITLE + _SWATCH + _CURVES + 0.27, 0.0)
+            figure.text(x, y, words, fontsize=8.5, va="top", linespacing=1.25)
+    return figure
+
+
+def _wrapped(words: str) -> str:
+    """Lines of a coat, broken between paints."""
+    return "\n".join(textwrap.wrap(words, 41, subsequent_indent="      "))
+
+
+def _draw_swatch(axes: "Axes", recipe: Recipe, title: str) -> None:
+    from matplotlib.patches import Rectangle
+
+    axes.set(xlim=(0, 2), ylim=(0, 1))
+    axes.set_axis_off()
+    for x, shade in ((0, target_hex(recipe)), (1, recipe_hex(recipe))):
+        # An edge of its own colour closes the hairline between the two halves.
+        axes.add_patch(Rectangle((x, 0), 1, 1, facecolor=shade, edgecolor=shade, lw=0.6))
+    axes.add_patch(Rectangle((0, 0), 2, 1, fill=False, edgecolor="#cfc8bf", lw=0.8, clip_on=False))
+    # Where the halves meet, since a good recipe hides it.
+    axes.plot([1, 1], [-0.07, 0.0], color=_FAINT, lw=0.8, clip_on=False)
+    axes.plot([1, 1], [1.0, 1.07], color=_FAINT, lw=0.8, clip_on=False)
+    axes.text(0, 1.06, title, fontsize=12, fontweight="bold", va="bottom")
+    mark = _INK if recipe.distance < 1 else "#b3261e"
+    axes.text(2, 1.06, f"ΔE {recipe.distance:.2f}", fontsize=11, ha="right", va="bottom", color=mark)
+
+
+def _draw_spectra(axes: "Axes", recipe: Recipe, labelled: bool) -> None:
+    target, highest = recipe.target, float(recipe.reflectance.max())
+    if target.wavelengths is not None and target.reflectance is not None:
+        axes.plot(target.wavelengths, target.reflectance, color=_TARGET, lw=3.2, solid_capstyle="round")
+        highest = max(highest, float(target.reflectance.max()))
+    axes.plot(recipe.wavelengths, recipe.reflectance, color=_INK, lw=1.3)
+    axes.set(xlim=(recipe.wavelengths[0], recipe.wavelengths[-1]), ylim=(0, 1.0 if highest > 0.35 else 0.4))
+    axes.set_xticks([400, 500, 600, 700])
+    axes.set_yticks([0, 0.5, 1.0] if highest > 0.35 else [0, 0.2, 0.4])
+    axes.tick_params(labelsize=8, length=2, pad=2)
+    if labelled:
+        axes.set_ylabel("reflectance", fontsize=9)

@@ -1,0 +1,298 @@
+"""Recipes: which paints, in which order and how thick, give a colour or a spectrum.
+
+All sets of up to three paints in one coat or two are looked at on a coarse grid (`glazefit.recipe.screen`), the best
+are refined by Levenberg-Marquardt, first by a table and then with the solver (`glazefit.recipe.refine`), more paints or
+coats are added where allowed (`glazefit.recipe.grow`), and what remains is simplified, rounded to what a painter can
+weigh and measure, and put in order (`glazefit.recipe.choose`).
+"""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from glazejax import Glaze, Layer, Mixture, Pigment, colour
+from glazejax.geometry import Geometry
+from glazejax.paint.describe import Coat
+
+from .bench import Bench, readings
+from .choose import IN_GAMUT, Scored, rounded, score, select, simplified
+from .grow import grown
+from .refine import refine, refine_solved
+from .screen import MOST_SCREENED, Aims, Stacks, screen
+from .targets import Target
+from .task import DEFAULT_THICKNESS, Task, as_targets, make_task
+
+GROUP = 8
+"""Targets that are refined at a time."""
+
+# How many sets of paints a target keeps after the first look, by (layers, paints counted in each coat); after a first
+# refinement; how many stacks of several coats the solver refines; and how many are grown, and kept of their children.
+_KEEP = {(1, 1): 3, (1, 2): 12, (1, 3): 40, (2, 1): 8, (2, 2): 24, (2, 3): 40}
+_KEEP_REFINED, _KEEP_SOLVED = 8, 8
+_PARENTS, _CHILDREN = 4, 24
+# More than asked for are rounded, because a few lose their colour by it.
+_SPARE = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Recipe:
+    """A glaze that comes near a target, in round numbers.
+
+    Attributes:
+        target: what it is for.
+        coats: top first; shares of paints to 0.1 %, thickness in m to 0.1 micrometres.
+        glaze: the same, for `glazejax.reflectance`.
+        wavelengths, reflectance: (bands,), nm, and what the instrument reads on it.
+        lab: L*a*b* by illuminant, (3,).
+        delta_e: Delta E 2000 to the target by illuminant.
+        unrounded: largest Delta E 2000 before its numbers were rounded.
+        metamerism: Delta E 2000 under the test illuminant, or None if the target's colour there is not known.
+        test_illuminant: full name.
+        rmse: root mean squared difference to the target's spectrum, or None without one.
+        sensitivity: for each coat, Delta E 2000 of the colour when that coat alone is 10 % thicker or thinner.
+        gamut_distance: the least Delta E 2000 found for the target if that is 1 or more, else 0.
+        limit: what keeps a target out of reach: "paints", or a coat at a bound of thickness; "" if in reach.
+    """
+
+    target: Target
+    coats: tuple[Coat, ...]
+    glaze: Glaze
+    wavelengths: Float[np.ndarray, "bands"]
+    reflectance: Float[np.ndarray, "bands"]
+    lab: Mapping[str, Float[np.ndarray, "3"]]
+    delta_e: Mapping[str, float]
+    unrounded: float
+    metamerism: float | None
+    test_illuminant: str
+    rmse: float | None
+    sensitivity: tuple[float, ...]
+    gamut_distance: float = 0.0
+    limit: str = ""
+
+    @property
+    def in_gamut(self) -> bool:
+        """Whether the paints reach the target: a recipe was found below a Delta E 2000 of 1."""
+        return self.gamut_distance == 0
+
+    @property
+    def distance(self) -> float:
+        """Largest Delta E 2000 under the illuminants asked for."""
+        return max(self.delta_e.values())
+
+    @property
+    def paints(self) -> tuple[str, ...]:
+        """Paints in it, in order of appearance from the top."""
+        return tuple(dict.fromkeys(name for coat in self.coats for _, name in coat.parts))
+
+    @property
+    def layers(self) -> str:
+        """The glaze as `glazejax render --layers` takes it."""
+        return ", ".join(map(_typed, self.coats))
+
+    def __repr__(self) -> str:
+        return f"Recipe({self.layers!r} for {self.target.name!r}, Delta E {self.distance:.2f})"
+
+
+def _typed(coat: Coat) -> str:
+    """A coat as `glazejax.paint.describe.parse_layers` reads it."""
+    mixed = " + ".join(f"{share:.6g}*{name}" for share, name in coat.parts)
+    return f"{mixed if len(coat.parts) > 1 else coat.name}:{coat.thickness * 1e6:.6g}um"
+
+
+def find_recipes(
+    target: Any,
+    pigments: Mapping[str, Pigment] | Sequence[Pigment] | None = None,
+    *,
+    ground: float | Float[np.ndarray, "bands"] = 0.9,
+    geometry: Geometry | None = None,
+    refractive_index: float = 1.5,
+    illuminants: Sequence[str] | None = None,
+    test_illuminant: str = "A",
+    observer: str | int = colour.CIE_1931,
+    max_paints: int = 3,
+    max_layers: int = 2,
+    thickness: tuple[float, float] = DEFAULT_THICKNESS,
+    count: int = 5,
+    metamerism: float = 0.2,
+    simplicity: float = 0.3,
+    seed: int = 0,
+) -> Any:
+    """The best few different glazes for a colour or a spectrum, or for many at once.
+
+    Args:
+        target: L*a*b* under D65, (3,); a mapping from illuminants to such colours; or what `lab_target`,
+            `srgb_target`, `spectral_target` or `colourchecker_targets` make. A list of them is a batch.
+        pigments: mapping or sequence; the catalogue if left out.
+        ground: internal reflectance below the paint, scalar or (bands,) on the pigments' wavelengths.
+        geometry: how the colour is seen; `Bidirectional(45, 0)` if left out: no mirror reflection.
+        refractive_index: of all coats.
+        illuminants: to match the colour under; those a colour is given under, or D65, if left out.
+        test_illuminant: under which metamerism is reported.
+        observer: 2, 10, or a full name.
+        max_paints: different paints in a recipe, at most; 1 to 6.
+        max_layers: coats, at most; 1 to 4.
+        thickness: of the thinnest and the thickest coat, m.
+        count: how many recipes a target gets, at most. They differ in their paints or in the order of the coats.
+        metamerism: Delta E that a root mean squared difference of 0.01 from the target's spectrum weighs.
+        simplicity: Delta E that one more paint, or one more coat, must gain to be worth it.
+        seed: of the points from which mixtures of three paints start.
+
+    Returns:
+        A list of `Recipe`, best first: those below a Delta E of 1 before others. For a batch, one such list a target.
+
+    Raises:
+        ValueError: an argument out of range; the message names it, the value and the fix.
+    """
+    targets, batch = as_targets(target)
+    task = make_task(
+        targets, pigments, ground=ground, geometry=geometry, refractive_index=refractive_index,
+        illuminants=illuminants, test_illuminant=test_illuminant, observer=observer, max_paints=max_paints,
+        max_layers=max_layers, thickness=thickness, count=count, metamerism=metamerism, simplicity=simplicity,
+        seed=seed,
+    )  # fmt: skip
+    found = [recipes for group in recipe_chunks(task) for recipes in group]
+    return found if batch else found[0]
+
+
+def recipe_chunks(task: Task) -> Iterator[list[list[Recipe]]]:
+    """Recipes for a few targets at a time, so that progress can be shown and an interrupt loses little."""
+    bench, aims = task.bench(), task.aims()
+
+    def keep(coats: int, paints: int) -> int:
+        return _KEEP[coats, paints]
+
+    rough = screen(bench, aims, max_paints=task.max_paints, max_layers=task.max_layers, keep=keep, seed=task.seed)
+    for first in range(0, len(task.targets), GROUP):
+        here = range(first, min(first + GROUP, len(task.targets)))
+        stacks = _refined(task, bench, aims, rough.take(np.flatnonzero(np.isin(rough.target, here))))
+        yield _finish(task, bench, aims, stacks, here)
+
+
+def _refined(task: Task, bench: Bench, aims: Aims, rough: Stacks) -> Stacks:
+    """The best stacks that come of a first look."""
+
+    def better(stacks: Stacks) -> Stacks:
+        return refine(bench, aims, stacks, task.slots)
+
+    stacks = better(better(rough).best(lambda coats, paints: _KEEP_REFINED))
+    for _ in range(max(0, task.max_paints - MOST_SCREENED) + max(0, task.max_layers - 2)):
+        parents = stacks.best(lambda coats, paints: _PARENTS)
+        children = grown(bench, aims, parents, max_paints=task.max_paints, max_layers=task.max_layers)
+        children = better(children.best(lambda coats, paints: _CHILDREN))
+        stacks = Stacks.join([stacks, better(children.best(lambda coats, paints: _KEEP_REFINED))])
+    pool = Stacks.join([stacks, better(simplified(bench, stacks))])
+    # The table is exact for one coat, but from far away a colour's own metric leads a little astray.
+    settled = (pool.coats == 1) & (pool.cost < IN_GAMUT**2)
+    rest = pool.take(np.flatnonzero(~settled)).best(lambda coats, paints: _KEEP_SOLVED)
+    rest = refine_solved(bench, task.optics, aims, rest, task.slots)
+    return Stacks.join([pool.take(np.flatnonzero(settled)), rest])
+
+
+def _finish(task: Task, bench: Bench, aims: Aims, stacks: Stacks, targets: range) -> list[list[Recipe]]:
+    """Choose, round and describe the recipes of some targets."""
+    scored = score(bench, task.optics, aims, stacks)
+    exact = []
+    for target in targets:
+        own = [one for one, owner in zip(scored, stacks.target, strict=True) if owner == target]
+        exact += [(target, one) for one in select(own, _SPARE * task.count, task.simplicity)]
+    round_ones = rounded(bench, task.optics, aims, exact, task.simplicity)
+    recipes = []
+    for target in targets:
+        pairs = {id(new): old for (owner, old), new in zip(exact, round_ones, strict=True) if owner == target}
+        own = [new for (owner, _), new in zip(exact, round_ones, strict=True) if owner == target]
+        best = select(own, task.count, task.simplicity)
+        recipes.append(_described(task, bench, target, [(one, pairs[id(one)]) for one in best]))
+    return recipes
+
+
+def _described(task: Task, bench: Bench, target: int, chosen: list[tuple[Scored, Scored]]) -> list[Recipe]:
+    """Recipes from what was chosen, each with the same before it was rounded."""
+    aim = task.targets[target]
+    recipes, effects = [], _thickness_effects(task, bench, aim, [one for one, _ in chosen])
+    for (one, exact), (sensitivity, _) in zip(chosen, effects, strict=True):
+        recipes.append(_recipe(task, aim, one, exact.distance, sensitivity))
+    nearest = min(one.distance for one, _ in chosen)
+    if nearest < IN_GAMUT:
+        return recipes
+    limit = effects[int(np.argmin([one.distance for one, _ in chosen]))][1]
+    return [replace(recipe, gamut_distance=nearest, limit=limit) for recipe in recipes]
+
+
+def _recipe(task: Task, aim: Target, one: Scored, unrounded: float, sensitivity: tuple[float, ...]) -> Recipe:
+    coats, layers = [], []
+    for sizes in one.sizes:
+        total = float(sizes.sum())
+        if total == 0:
+            continue
+        there = sorted(np.flatnonzero(sizes > 0).tolist(), key=lambda paint: -sizes[paint])
+        shares = [round(float(sizes[paint] / total), 9) for paint in there]
+        metres = round(total * 1e-6, 15)
+        paints = [task.pigments[paint] for paint in there]
+        layers.append(Layer(Mixture(paints, shares) if len(paints) > 1 else paints[0], metres))
+        coats.append(Coat(tuple(zip(shares, (p.name for p in paints), strict=True)), metres, 1))
+
+    def lab(illuminant: str) -> Float[np.ndarray, "3"]:
+        return np.asarray(colour.lab(task.wavelengths, one.reading, illuminant=illuminant, observer=task.observer))
+
+    test, rmse = None, None
+    if aim.knows(task.test_illuminant):
+        there = aim.lab(task.test_illuminant, task.observer)
+        test = float(colour.delta_e_2000(lab(task.test_illuminant), there))
+    if aim.wavelengths is not None and aim.reflectance is not None:
+        wanted = np.interp(task.wavelengths, aim.wavelengths, aim.reflectance)
+        rmse = float(np.sqrt(np.mean((one.reading - wanted) ** 2)))
+    return Recipe(
+        target=aim,
+        coats=tuple(coats),
+        glaze=Glaze(layers, task.ground, task.refractive_index),
+        wavelengths=task.wavelengths,
+        reflectance=one.reading,
+        lab={name: lab(name) for name in task.illuminants},
+        delta_e=dict(zip(task.illuminants, one.delta_e.tolist(), strict=True)),
+        unrounded=unrounded,
+        metamerism=test,
+        test_illuminant=task.test_illuminant,
+        rmse=rmse,
+        sensitivity=sensitivity,
+    )
+
+
+def _thickness_effects(
+    task: Task, bench: Bench, aim: Target, chosen: list[Scored]
+) -> list[tuple[tuple[float, ...], str]]:
+    """For each recipe, what 10 % of each coat's thickness does to the colour, and what keeps it from the target."""
+    light = task.illuminants[0]
+    sizes, places = [], []
+    for row, one in enumerate(chosen):
+        for coat in range(one.coats):
+            for factor in (1.1, 1 / 1.1):
+                other = one.sizes.copy()
+                other[coat] *= factor
+                sizes.append(other)
+                places.append((row, coat))
+    reading = readings(bench, np.stack(sizes), task.optics)
+    labs = np.asarray(colour.lab(task.wavelengths, reading, illuminant=light, observer=task.observer))
+    wanted = aim.lab(light, task.observer)
+    effects = []
+    for row, one in enumerate(chosen):
+        own = np.asarray(colour.lab(task.wavelengths, one.reading, illuminant=light, observer=task.observer))
+        moved = labs[[place[0] == row for place in places]].reshape(one.coats, 2, 3)
+        sensitivity = colour.delta_e_2000(moved, own).mean(axis=1)
+        distance = colour.delta_e_2000(own, wanted)
+        limits = [
+            f"coat {coat + 1} is as {'thick' if side == 0 else 'thin'} as allowed"
+            for coat in range(one.coats)
+            for side in (0, 1)
+            if _at_bound(one.sizes[coat].sum(), task.thickness[1 - side])
+            and colour.delta_e_2000(moved[coat, side], wanted) < distance - max(0.05, 0.01 * distance)
+        ]
+        effects.append((tuple(sensitivity.tolist()), ", ".join(limits) or "paints"))
+    return effects
+
+
+def _at_bound(size: float, bound: float) -> bool:
+    """Whether a thickness in um is within 5 % or a rounding step of a bound in m."""
+    return abs(size - bound * 1e6) < max(0.05 * bound * 1e6, 0.11)

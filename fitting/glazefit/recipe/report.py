@@ -1,0 +1,212 @@
+"""What a search for recipes tells its user: tables on the screen, and the files it leaves."""
+
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from glazejax import colour
+from glazejax.io import SpectraTable, write_spectra, write_table
+from glazejax.paint.describe import Coat
+from glazejax.plots import hex_colour
+from glazejax.spectra import resample
+
+from .recipe import Recipe
+from .targets import Target
+
+CSV_COLUMNS = (
+    "target",
+    "recipe",
+    "delta_e_2000",
+    "metamerism",
+    "rmse",
+    "coat",
+    "thickness_um",
+    "paint",
+    "share",
+    "delta_e_per_10_percent",
+)
+
+NO_BREAK = "\u00a0"
+
+
+def describe_coat(coat: Coat) -> str:
+    """A coat in words, such as ``3.5 µm · 89.1 % ZincWhite + 10.9 % EmeraldGreen``; lines may break between paints."""
+    size = f"{coat.thickness * 1e6:.1f} µm{' ·' if len(coat.parts) > 1 else ''}"
+    return f"{size} {' + '.join(_parts(coat))}".replace(" ", NO_BREAK).replace(
+        f"{NO_BREAK}+{NO_BREAK}", f"{NO_BREAK}+ "
+    )
+
+
+def _parts(coat: Coat) -> list[str]:
+    """Paints with their percentages, the largest first; a paint alone has none."""
+    if len(coat.parts) == 1:
+        return [coat.name]
+    return [f"{100 * share:.1f} % {name}" for share, name in coat.parts]
+
+
+def target_hex(recipe: Recipe) -> str:
+    """The target's colour on a screen, #rrggbb, seen by the first illuminant and the 1931 observer."""
+    light = next(iter(recipe.delta_e))
+    aim = recipe.target
+    if aim.wavelengths is not None and aim.reflectance is not None:
+        return hex_colour(colour.srgb(aim.wavelengths, aim.reflectance, illuminant=light))
+    return _lab_hex(recipe, aim.labs[light])
+
+
+def recipe_hex(recipe: Recipe) -> str:
+    """The recipe's colour on a screen, as `target_hex` has that of the target."""
+    light = next(iter(recipe.delta_e))
+    if recipe.target.spectral:
+        return hex_colour(colour.srgb(recipe.wavelengths, recipe.reflectance, illuminant=light))
+    return _lab_hex(recipe, recipe.lab[light])
+
+
+def _lab_hex(recipe: Recipe, lab) -> str:
+    """L*a*b* shown as it is: relative to the illuminant's white, which a screen shows as its own."""
+    science = colour.colour_science()
+    light = next(iter(recipe.delta_e))
+    white = colour.white_point(recipe.wavelengths, light)
+    tristimulus = science.Lab_to_XYZ(np.asarray(lab), science.XYZ_to_xy(white))
+    return hex_colour(colour.xyz_to_srgb(tristimulus, white))
+
+
+def print_recipes(recipes: Sequence[Recipe], console: Console) -> None:
+    """Print all recipes of one target, coat by coat."""
+    first = recipes[0]
+    table = _table(["", *_titles(first)])
+    for rank, recipe in enumerate(recipes, 1):
+        _add_coats(table, [str(rank), *_figures(recipe)], recipe)
+    swatches = _block(target_hex(first)) + Text(" ") + _block(recipe_hex(first))
+    console.print(Text(f"{first.target.name} ", style="bold") + swatches + Text(" target, first recipe"))
+    console.print(table)
+    console.print(Text(f"See the first: glazejax render --layers '{first.layers}'", style="dim"), soft_wrap=True)
+    if not first.in_gamut:
+        console.print(Text(out_of_reach(first), style="yellow"))
+
+
+def print_best(found: Sequence[Sequence[Recipe]], console: Console) -> None:
+    """Print the best recipe of each of many targets, coat by coat."""
+    table = _table(["target", "", *_titles(found[0][0])])
+    for best, *_ in found:
+        swatches = _block(target_hex(best)) + _block(recipe_hex(best))
+        _add_coats(table, [best.target.name, swatches, *_figures(best)], best)
+    console.print(table)
+    for best, *_ in found:
+        if not best.in_gamut:
+            console.print(Text(out_of_reach(best), style="yellow"))
+
+
+def _titles(recipe: Recipe) -> list[str]:
+    """Headings of the colour differences: lights asked for, and the test light if it is another."""
+    lights = list(recipe.delta_e)
+    return [f"ΔE00 {name}" for name in lights] + ([f"({recipe.test_illuminant})"] if _tested(recipe) else [])
+
+
+def _figures(recipe: Recipe) -> list[str]:
+    """Colour differences in words."""
+    test = recipe.metamerism
+    tested = [] if not _tested(recipe) else ["" if test is None else f"({test:.2f})"]
+    return [f"{value:.2f}" for value in recipe.delta_e.values()] + tested
+
+
+def _tested(recipe: Recipe) -> bool:
+    return recipe.test_illuminant not in recipe.delta_e and recipe.target.spectral
+
+
+def _table(titles: Sequence[str]) -> Table:
+    table = Table(box=None, padding=(0, 1), header_style="dim", pad_edge=False)
+    for number, title in enumerate(titles):
+        figure = number > 0 and title != ""
+        table.add_column(title, justify="right" if figure else "left", no_wrap=figure, overflow="fold")
+    table.add_column("µm", justify="right", no_wrap=True)
+    table.add_column("coats, top first", overflow="fold", ratio=1)
+    table.add_column("per 10 %", justify="right", no_wrap=True)
+    return table
+
+
+def _add_coats(table: Table, cells: Sequence[str | Text], recipe: Recipe) -> None:
+    """A row a coat; what holds for the recipe stands in the first."""
+    for number, (coat, change) in enumerate(zip(recipe.coats, recipe.sensitivity, strict=True)):
+        lead = list(cells) if number == 0 else [""] * len(cells)
+        table.add_row(*lead, f"{coat.thickness * 1e6:.1f}", "\n".join(_parts(coat)), f"{change:.2f}")
+
+
+def out_of_reach(recipe: Recipe) -> str:
+    """A sentence on a target that no recipe reaches."""
+    why = "these paints reach no further" if recipe.limit == "paints" else f"{recipe.limit}: try other bounds"
+    return f"{recipe.target.name}: out of reach by a Delta E of {recipe.gamut_distance:.1f}; {why}."
+
+
+def _block(shade: str) -> Text:
+    """A patch of a colour, for terminals that show colours."""
+    return Text("  ", style=f"on {shade}")
+
+
+def write_csv(found: Sequence[Sequence[Recipe]], path: Path, *, overwrite: bool = False) -> None:
+    """Write all recipes, a line for each paint in each coat."""
+    write_table(path, CSV_COLUMNS, _rows(found), overwrite=overwrite)
+
+
+def _rows(found: Sequence[Sequence[Recipe]]) -> Iterator[tuple]:
+    def text(value: float | None, digits: int) -> str:
+        return "" if value is None else f"{value:.{digits}f}"
+
+    for recipes in found:
+        for rank, recipe in enumerate(recipes, 1):
+            for number, (coat, change) in enumerate(zip(recipe.coats, recipe.sensitivity, strict=True), 1):
+                for share, paint in coat.parts:
+                    yield (
+                        recipe.target.name, rank, text(recipe.distance, 3), text(recipe.metamerism, 3),
+                        text(recipe.rmse, 5), number, f"{coat.thickness * 1e6:.6g}", paint, f"{share:.6g}",
+                        text(change, 3),
+                    )  # fmt: skip
+
+
+def write_json(found: Sequence[Sequence[Recipe]], path: Path) -> None:
+    """Write all there is on all recipes, with spectra."""
+    path.write_text(json.dumps([[_plain(recipe) for recipe in recipes] for recipes in found], indent=1) + "\n")
+
+
+def _plain(recipe: Recipe) -> dict:
+    return {
+        "target": recipe.target.name,
+        "layers": recipe.layers,
+        "coats": [
+            {
+                "thickness_um": round(coat.thickness * 1e6, 6),
+                "paints": {name: share for share, name in coat.parts},
+                "delta_e_per_10_percent": change,
+            }
+            for coat, change in zip(recipe.coats, recipe.sensitivity, strict=True)
+        ],
+        "delta_e_2000": dict(recipe.delta_e),
+        "delta_e_2000_unrounded": recipe.unrounded,
+        "lab": {name: [float(value) for value in values] for name, values in recipe.lab.items()},
+        "metamerism": recipe.metamerism,
+        "test_illuminant": recipe.test_illuminant,
+        "rmse": recipe.rmse,
+        "in_gamut": recipe.in_gamut,
+        "gamut_distance": recipe.gamut_distance,
+        "limit": recipe.limit,
+        "wavelengths_nm": recipe.wavelengths.tolist(),
+        "reflectance": [round(float(value), 7) for value in recipe.reflectance],
+    }
+
+
+def write_targets(
+    targets: Sequence[Target], wavelengths: Float[np.ndarray, "bands"], path: Path, *, overwrite: bool = False
+) -> None:
+    """Write the spectra of targets on some wavelengths (nm), as CSV, CxF3 or ENVI by the name's ending."""
+    spectra = [
+        resample(target.wavelengths, target.reflectance, wavelengths)
+        for target in targets
+        if target.wavelengths is not None and target.reflectance is not None
+    ]
+    table = SpectraTable(wavelengths, tuple(target.name for target in targets), np.stack(spectra))
+    write_spectra(table, path, overwrite=overwrite)

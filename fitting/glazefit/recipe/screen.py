@@ -1,0 +1,235 @@
+"""First look at all sets of paints: which of them come near a target at all, and from where to refine them.
+
+One coat of up to three paints, and two coats with up to three paints between them, are gone through in full, on a
+coarse grid of proportions and thicknesses. A coat is three numbers a band (`FilmResponse.numbers`), so that a stack of
+two is a few multiplications; the lower coat counts as the Lambertian ground that would read the same when bare.
+"""
+
+import itertools
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from .bench import Bench, internal, lab_of
+
+MOST_SCREENED = 3
+"""Most paints in a recipe that is found here; more are added to these (`glazefit.recipe.grow`)."""
+
+# Range of the logarithm of a paint's share over another's, when both are weighted by their strength.
+_RANGE = 4.5
+_POINTS = {1: (1, 8), 2: (7, 4), 3: (20, 4)}  # proportions and thicknesses, by the number of paints
+
+
+class Aims(NamedTuple):
+    """Targets as arrays."""
+
+    lab: Float[Array, "targets lights 3"]
+    metric: Float[Array, "targets lights 3 3"]  # metric @ (Lab - lab) is as long as the colour difference
+    spectrum: Float[Array, "targets bands"]
+    spectral: Float[Array, "targets"]  # weight of a difference in reflectance, summed squares over the bands
+
+
+Keep = Callable[[int, int], int]
+"""How many to keep, from the number of coats and of paints."""
+
+
+class Stacks(NamedTuple):
+    """What may become a recipe, (n,)."""
+
+    sizes: Float[np.ndarray, "n coats paints"]  # what each paint takes of each coat's thickness, um
+    target: Int[np.ndarray, "n"]
+    cost: Float[np.ndarray, "n"]  # squared distance
+
+    @property
+    def size(self) -> int:
+        """How many there are."""
+        return len(self.target)
+
+    @property
+    def coats(self) -> Int[np.ndarray, "n"]:
+        """Number of coats that are there."""
+        return (self.sizes.sum(axis=2) > 0).sum(axis=1)
+
+    @property
+    def paints(self) -> Int[np.ndarray, "n"]:
+        """Number of different paints."""
+        return (self.sizes.sum(axis=1) > 0).sum(axis=1)
+
+    def take(self, rows: Int[np.ndarray, "m"]) -> "Stacks":
+        """Some of them."""
+        return Stacks(*(values[rows] for values in self))
+
+    def best(self, keep: Keep) -> "Stacks":
+        """The `keep(coats, paints)` of least cost for each target, by number of coats and paints."""
+        kinds = np.stack([self.target, self.coats, self.paints], axis=1)
+        order = np.lexsort((self.cost, *kinds.T[::-1]))
+        chosen, seen, last = [], 0, None
+        for row in order:
+            kind = tuple(kinds[row].tolist())
+            seen = seen + 1 if kind == last else 1
+            last = kind
+            if seen <= keep(*kind[1:]):
+                chosen.append(row)
+        return self.take(np.array(chosen, int))
+
+    @staticmethod
+    def join(parts: "Sequence[Stacks]") -> "Stacks":
+        """All of several."""
+        return Stacks(*(np.concatenate(values) for values in zip(*parts, strict=True)))
+
+
+class _Coats(NamedTuple):
+    """Coats of the same number of paints: sets of paints times points of a grid."""
+
+    paints: Int[np.ndarray, "sets paints"]
+    amounts: Float[np.ndarray, "sets points paints"]  # um
+
+
+def squared_distance(bench: Bench, aims: Aims, reading: Float[Array, "*batch bands"]) -> Float[Array, "*batch targets"]:
+    """Squared distance of readings to every target: colour under all lights (mean), and spectrum."""
+    miss = lab_of(bench, reading)[..., None, :, :] - aims.lab
+    moved = jnp.einsum("tlij,...tlj->...tli", aims.metric, miss)
+    colour = jnp.sum(moved**2, axis=(-1, -2)) / aims.lab.shape[1]
+    cross = jnp.tensordot(reading, aims.spectrum.T, axes=1)
+    spectral = jnp.sum(reading**2, axis=-1)[..., None] - 2.0 * cross + jnp.sum(aims.spectrum**2, axis=-1)
+    return colour + aims.spectral * jnp.maximum(spectral, 0.0)
+
+
+class _Optical(NamedTuple):
+    """Optical thicknesses of coats."""
+
+    absorption: Float[Array, "sets points bands"]
+    scattering: Float[Array, "sets points bands"]
+
+
+def screen(bench: Bench, aims: Aims, *, max_paints: int, max_layers: int, keep: Keep, seed: int) -> Stacks:
+    """The best sets of paints for each target, each at its best point of the grid.
+
+    Args:
+        bench, aims: paints and targets.
+        max_paints, max_layers: limits; what goes beyond three paints or two layers is not looked at here.
+        keep: how many sets a target keeps, from numbers of layers and of paints.
+        seed: of the grid of three paints' proportions.
+    """
+    count = min(max_paints, MOST_SCREENED, bench.absorption.shape[0])
+    coats = {n: _coats(bench, n, seed) for n in range(1, count + 1)}
+    found = []
+    for some in coats.values():
+        cost, best = map(np.array, _one_coat(bench, aims, _optical(bench, some)))
+        found.append(_one_coat_stacks(bench, some, cost, best, keep, max_layers))
+    for n, m in itertools.product(coats, coats) if max_layers >= 2 else ():
+        # The wide grid of three paints in a coat is for single coats.
+        if n + m <= MOST_SCREENED:
+            top, bottom = coats[n], coats[m]
+            cost, best = map(np.array, _two_coats(bench, aims, _optical(bench, top), _optical(bench, bottom)))
+            cost[~_sensible(top.paints, bottom.paints, max_paints)] = np.inf
+            found.append(_two_coat_stacks(bench, (top, bottom), cost, best, keep, max_layers))
+    return Stacks.join(found).best(keep)
+
+
+def strength(bench: Bench) -> Float[np.ndarray, "paints"]:
+    """How much a little of each paint shows, 1/um: by its absorption, or by its scattering where it is pale."""
+    return np.asarray(jnp.mean(bench.absorption + 0.1 * bench.scattering, axis=1)) + 1e-9
+
+
+def _coats(bench: Bench, n: int, seed: int) -> _Coats:
+    from scipy.stats import qmc
+
+    paints = np.array(list(itertools.combinations(range(bench.absorption.shape[0]), n)))
+    proportions, depths = _POINTS[n]
+    if n == 1:
+        logs = np.zeros((1, 1))
+    elif n == 2:
+        logs = np.linspace(-_RANGE, _RANGE, proportions)[:, None] * [0.5, -0.5]
+    else:
+        # Sobol points in the plane of the two ratios; a power of two is what they are made for.
+        points = qmc.Sobol(2, rng=np.random.default_rng(seed)).random_base2(5)[:proportions]
+        logs = np.concatenate([2.0 * _RANGE * (points - 0.5), np.zeros((proportions, 1))], axis=1)
+    shares = np.exp(logs) / strength(bench)[paints][:, None, :]
+    shares /= shares.sum(axis=-1, keepdims=True)
+    low, high = np.asarray(bench.span)
+    thickness = np.exp(np.linspace(low, high, depths))
+    amounts = shares[:, :, None, :] * thickness[:, None]
+    return _Coats(paints, amounts.reshape(len(paints), -1, n))
+
+
+def _optical(bench: Bench, coats: _Coats) -> _Optical:
+    """k d and s d of every coat."""
+    amounts = jnp.asarray(coats.amounts)
+    return _Optical(amounts @ bench.absorption[coats.paints], amounts @ bench.scattering[coats.paints])
+
+
+@jax.jit
+def _one_coat(
+    bench: Bench, aims: Aims, coats: _Optical
+) -> tuple[Float[Array, "sets targets"], Int[Array, "sets targets"]]:
+    """Least cost of each set, and the point where it is."""
+
+    def of_one(coat: _Optical) -> tuple[Array, Array]:
+        cost = squared_distance(bench, aims, bench.film.body(*coat, bench.ground) + bench.surface)
+        return cost.min(axis=0), cost.argmin(axis=0)
+
+    return jax.lax.map(of_one, coats, batch_size=8)
+
+
+@jax.jit
+def _two_coats(
+    bench: Bench, aims: Aims, top: _Optical, bottom: _Optical
+) -> tuple[Float[Array, "sets others targets"], Int[Array, "sets others targets"]]:
+    """Least cost of each set over each other set, and the point of both grids where it is."""
+    ground = jnp.swapaxes(internal(bench, bench.film.body(*bottom, bench.ground)), 0, 1)  # (points, others, bands)
+
+    def of_one(coat: _Optical) -> tuple[Array, Array]:
+        black, gain, back = (values[:, None, None, :] for values in bench.film.numbers(*coat))
+        reading = black + gain * ground / (1.0 - back * ground) + bench.surface
+        cost = squared_distance(bench, aims, reading)  # (points, points of the lower, others, targets)
+        cost = cost.reshape(-1, *cost.shape[2:])
+        return cost.min(axis=0), cost.argmin(axis=0)
+
+    return jax.lax.map(of_one, top)
+
+
+def _sensible(top: np.ndarray, bottom: np.ndarray, max_paints: int) -> np.ndarray:
+    """Which sets may lie over which: not the same paint over itself, and no more paints than allowed."""
+    upper, lower = ([set(paints) for paints in sets.tolist()] for sets in (top, bottom))
+    return np.array([[a != b and len(a | b) <= max_paints for b in lower] for a in upper])
+
+
+def _one_coat_stacks(
+    bench: Bench, coats: _Coats, cost: np.ndarray, best: np.ndarray, keep: Keep, max_layers: int
+) -> Stacks:
+    rows, targets = _lowest(cost, keep(1, coats.paints.shape[1]))
+    sizes = np.zeros((rows.size, max_layers, bench.absorption.shape[0]))
+    _lay(sizes, 0, coats, rows, best[rows, targets])
+    return Stacks(sizes, targets, cost[rows, targets])
+
+
+def _two_coat_stacks(bench: Bench, coats: tuple[_Coats, _Coats], cost, best, keep, max_layers: int) -> Stacks:
+    top, bottom = coats
+    many = len(bottom.paints)
+    flat = cost.reshape(-1, cost.shape[-1])
+    rows, targets = _lowest(flat, keep(2, top.paints.shape[1] + bottom.paints.shape[1]))
+    upper, lower = np.divmod(rows, many)
+    first, second = np.divmod(best[upper, lower, targets], bottom.amounts.shape[1])
+    sizes = np.zeros((rows.size, max_layers, bench.absorption.shape[0]))
+    _lay(sizes, 0, top, upper, first)
+    _lay(sizes, 1, bottom, lower, second)
+    return Stacks(sizes, targets, flat[rows, targets])
+
+
+def _lowest(cost: Float[np.ndarray, "sets targets"], count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and columns of the lowest `count` costs of each target, where they are finite."""
+    rows = np.argsort(cost, axis=0)[:count]
+    columns = np.broadcast_to(np.arange(cost.shape[1]), rows.shape)
+    good = np.isfinite(cost[rows, columns])
+    return rows[good], columns[good]
+
+
+def _lay(sizes: np.ndarray, coat: int, coats: _Coats, rows: np.ndarray, points: np.ndarray) -> None:
+    """Write coats, by set and point of the grid, into an array of stacks."""
+    at = np.arange(len(sizes))[:, None]
+    sizes[at, coat, coats.paints[rows]] = coats.amounts[rows, points]

@@ -1,0 +1,201 @@
+"""What is asked of a search for recipes, checked before anything is computed."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from glazejax import Bidirectional, Pigment, catalogue, colour
+from glazejax.geometry import Geometry
+from glazejax.paint.media import MAX_THICKNESS
+from glazejax.radiative.stack import INDEX_RANGE
+from glazejax.spectra import describe_grid, resample, same_grid
+
+from .bench import Bench, Optics, make_bench
+from .refine import colour_metric
+from .screen import Aims
+from .targets import Target, lab_target
+
+DEFAULT_THICKNESS = (1e-6, 50e-6)
+"""Thinnest and thickest coat in m, if nothing else is said; on the catalogue's scale of thickness."""
+
+_MOST_PAINTS, _MOST_LAYERS = 6, 4
+
+
+@dataclass(frozen=True)
+class Task:
+    """A search: names are full, pigments and ground on one grid that every target covers."""
+
+    targets: tuple[Target, ...]
+    pigments: tuple[Pigment, ...]
+    ground: float | Float[np.ndarray, "bands"]
+    geometry: Geometry
+    refractive_index: float
+    illuminants: tuple[str, ...]
+    test_illuminant: str
+    observer: str
+    max_paints: int
+    max_layers: int
+    thickness: tuple[float, float]
+    count: int
+    metamerism: float
+    simplicity: float
+    seed: int
+
+    @property
+    def slots(self) -> int:
+        """Paints counted in each coat, at most: one more a coat, since a paint may lie in several."""
+        return self.max_paints + self.max_layers - 1
+
+    @property
+    def wavelengths(self) -> Float[np.ndarray, "bands"]:
+        """Wavelengths of the pigments, nm."""
+        return self.pigments[0].wavelengths
+
+    @property
+    def optics(self) -> Optics:
+        """The instrument in plain numbers."""
+        return Optics.of(self.geometry, self.refractive_index)
+
+    def bench(self) -> Bench:
+        """The arrays of the search."""
+        return make_bench(
+            self.pigments,
+            self.ground,
+            self.geometry,
+            self.refractive_index,
+            self.illuminants,
+            self.observer,
+            self.thickness,
+        )
+
+    def aims(self) -> Aims:
+        """The targets as arrays; without a spectrum it weighs nothing."""
+        grid = self.wavelengths
+        labs = np.stack([[t.lab(name, self.observer) for name in self.illuminants] for t in self.targets])
+        spectra = np.zeros((len(self.targets), grid.size))
+        weights = np.zeros(len(self.targets))
+        for row, target in enumerate(self.targets):
+            if target.wavelengths is not None and target.reflectance is not None:
+                spectra[row] = resample(target.wavelengths, target.reflectance, grid)
+                # A root mean squared difference of 0.01 weighs as much as a Delta E of `metamerism`.
+                weights[row] = (100.0 * self.metamerism) ** 2 / grid.size
+        return Aims(jnp.asarray(labs), jnp.asarray(colour_metric(labs)), jnp.asarray(spectra), jnp.asarray(weights))
+
+
+def make_task(
+    targets: Sequence[Target],
+    pigments: Mapping[str, Pigment] | Sequence[Pigment] | None,
+    *,
+    ground: Any,
+    geometry: Geometry | None,
+    refractive_index: float,
+    illuminants: Sequence[str] | None,
+    test_illuminant: str,
+    observer: str | int,
+    max_paints: int,
+    max_layers: int,
+    thickness: tuple[float, float],
+    count: int,
+    metamerism: float,
+    simplicity: float,
+    seed: int,
+) -> Task:
+    """Check all that was asked for; see `glazefit.find_recipes` for the arguments and errors."""
+    if not targets:
+        raise ValueError("there is no target: give a colour, such as (50, 20, 30), or a spectrum")
+    whole = {"max_paints": (max_paints, _MOST_PAINTS), "max_layers": (max_layers, _MOST_LAYERS), "count": (count, 1000)}
+    for name, (value, most) in whole.items():
+        if not isinstance(value, int | np.integer) or not 1 <= value <= most:
+            raise ValueError(f"{name} is {value}; it must be a whole number from 1 to {most}")
+    for name, value in (("metamerism", metamerism), ("simplicity", simplicity)):
+        if not (np.isfinite(value) and value >= 0):
+            raise ValueError(f"{name} is {value:g}; it must be 0 or more, such as 0.1")
+    low, high = (float(size) for size in thickness)
+    if not 0 < low <= high <= MAX_THICKNESS:
+        raise ValueError(
+            f"thickness is {low:g} to {high:g} m; it must ascend from above 0 to {MAX_THICKNESS:g} m at most, "
+            "such as (1e-6, 50e-6)"
+        )
+    if not INDEX_RANGE[0] <= refractive_index <= INDEX_RANGE[1]:
+        raise ValueError(f"refractive index {refractive_index:g} is outside [{INDEX_RANGE[0]:g}, {INDEX_RANGE[1]:g}]")
+    names = tuple(dict.fromkeys(map(colour.find_illuminant, illuminants))) if illuminants else _own_lights(targets)
+    full_observer = colour.find_observer(observer)
+    for target in targets:
+        for name in names:
+            target.lab(name, full_observer)  # says what is missing
+    paints, base = _on_one_grid(_listed(pigments), ground, targets)
+    return Task(
+        tuple(targets), paints, base, geometry or Bidirectional(45, 0), float(refractive_index), names,
+        colour.find_illuminant(test_illuminant), full_observer, min(int(max_paints), len(paints)), int(max_layers),
+        (low, high), int(count), float(metamerism), float(simplicity), int(seed),
+    )  # fmt: skip
+
+
+def _own_lights(targets: Sequence[Target]) -> tuple[str, ...]:
+    """The illuminants that the colours are given under; D65 if all targets are spectra."""
+    given = dict.fromkeys(name for target in targets for name in target.labs)
+    return tuple(given) or (colour.find_illuminant("D65"),)
+
+
+def as_targets(given: Any) -> tuple[tuple[Target, ...], bool]:
+    """Targets, and whether a batch was given; a target may be a `Target`, three numbers, or a mapping of such."""
+    if isinstance(given, Target):
+        return (given,), False
+    first = _first(given)
+    number = np.ndim(first) == 0 and not isinstance(first, Target | Mapping)
+    if isinstance(given, Mapping) or number:
+        return (lab_target(given),), False
+    return tuple(one if isinstance(one, Target) else lab_target(one) for one in given), True
+
+
+def _first(given: Any) -> Any:
+    try:
+        return next(iter(given), ())
+    except TypeError:
+        raise ValueError(f"a target is a colour of three numbers, or made by spectral_target, not {given!r}") from None
+
+
+def _listed(pigments: Mapping[str, Pigment] | Sequence[Pigment] | None) -> list[Pigment]:
+    if pigments is None:
+        pigments = catalogue.load()
+    paints = list(pigments.values()) if isinstance(pigments, Mapping) else list(pigments)
+    if not paints:
+        raise ValueError("there are no pigments: leave them out for the catalogue, or give at least one")
+    twice = {p.name for p in paints if [q.name for q in paints].count(p.name) > 1}
+    if twice:
+        raise ValueError(f"two pigments are called {min(twice)!r}: give each its own name")
+    for paint in paints:
+        if paint.absorption.ndim > 1 or paint.scattering.ndim > 1:
+            raise ValueError(f"pigment {paint.name!r} is a batch of {paint.absorption.shape[:-1]}; give one paint")
+        if paint.phase is not None:
+            raise ValueError(f"pigment {paint.name!r} has a phase function; here paint scatters isotropically")
+    return paints
+
+
+def _on_one_grid(
+    paints: list[Pigment], ground: Any, targets: Sequence[Target]
+) -> tuple[tuple[Pigment, ...], float | Float[np.ndarray, "bands"]]:
+    """Pigments and ground on the bands of the first pigment that all pigments and target spectra cover."""
+    grid = paints[0].wavelengths
+    reach = [p.wavelengths for p in paints] + [t.wavelengths for t in targets if t.wavelengths is not None]
+    low, high = max(g[0] for g in reach), min(g[-1] for g in reach)
+    kept = (grid >= low - 1e-6) & (grid <= high + 1e-6)
+    base = np.asarray(ground, dtype=np.float64)
+    if base.shape not in ((), grid.shape):
+        raise ValueError(
+            f"the ground has shape {base.shape}: give one number, or {grid.size} for {describe_grid(grid)}, the "
+            "wavelengths of the pigments"
+        )
+    wrong = base[~((base >= 0) & (base <= 1))]
+    if wrong.size:
+        raise ValueError(f"the ground's reflectance must lie in [0, 1], not {wrong.flat[0]:g}")
+    if not kept.any():
+        raise ValueError(f"pigments ({describe_grid(grid)}) and targets share no wavelengths")
+    common = grid[kept]
+    colour.colour_weights(common)  # says if too little is left for a colour
+    same = [p if same_grid(p.wavelengths, common) else p.resample(common) for p in paints]
+    return tuple(same), float(base) if base.ndim == 0 else base[kept]

@@ -1,0 +1,116 @@
+"""How well a set of films foretells itself: every mixture left out of a joint fit in turn, and predicted."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from ..film.films import Films
+from .joint import recover_jointly
+from .joint_result import JointRecovery
+from .prediction import Prediction, predict_films
+
+# A fit that starts where that of all films ended is close.
+REFIT_STEPS = 15
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """Films left out one by one.
+
+    Attributes:
+        predictions: of each film by the fit of all others.
+        fitted: CIEDE2000 (D65, 10 degrees) of the fit of all films, over black and white, (films, 2).
+        measured: reflectance over black and white, (films, 2, bands).
+        complete: False where an interrupt came before the last film.
+    """
+
+    predictions: tuple[Prediction, ...]
+    fitted: Float[np.ndarray, "films 2"]
+    measured: Float[np.ndarray, "films 2 bands"]
+    complete: bool
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the films."""
+        return tuple(found.name for found in self.predictions)
+
+    @cached_property
+    def predicted(self) -> Float[np.ndarray, "films 2"]:
+        """CIEDE2000 (D65, 10 degrees) of the predictions, over black and white."""
+        return np.array([p.delta_e(*spectra) for p, spectra in zip(self.predictions, self.measured, strict=True)])
+
+    @cached_property
+    def expected(self) -> Float[np.ndarray, "films"]:
+        """What each prediction said it would be off."""
+        return np.array([found.expected_error() for found in self.predictions])
+
+    @cached_property
+    def inside(self) -> Float[np.ndarray, "films"]:
+        """Share of each film's readings within the prediction's 90 % band."""
+        low, high = np.stack([found.interval() for found in self.predictions], axis=1)
+        return np.mean((low <= self.measured) & (self.measured <= high), axis=(1, 2))
+
+
+def without(
+    whole: JointRecovery, films: Films, recipes: Mapping[str, Mapping[str, float]], row: int, **given: Any
+) -> JointRecovery:
+    """The fit without one film; it starts where that of all ended, but knows nothing of that film.
+
+    Args:
+        whole: fit of all films.
+        films, recipes: of `whole`.
+        row: of the film that is left out.
+        given: further arguments of `glazefit.recover.joint.recover_jointly`, as `whole` had them.
+    """
+    use = np.ones(len(films))
+    use[row] = 0.0
+    start = whole.unknowns._replace(films=whole.unknowns.films * use[:, None])
+    return recover_jointly(films, recipes, use=use, start=start, max_steps=REFIT_STEPS, **given)
+
+
+def leave_films_out(
+    whole: JointRecovery,
+    films: Films,
+    recipes: Mapping[str, Mapping[str, float]],
+    *,
+    only: Callable[[str], bool] | None = None,
+    progress: Callable[[str], object] = lambda name: None,
+    **given: Any,
+) -> LeftOut:
+    """Leave every mixture out of the fit in turn and predict it from its weights.
+
+    Args:
+        whole: fit of all films.
+        films, recipes: of `whole`.
+        only: whether a film, by name, is left out; by default those of more than one paint, all of whose paints are in
+            other films too.
+        progress: called with each film's name before it is fitted. An interrupt keeps the films that are done.
+        given: further arguments of `glazefit.recover.joint.recover_jointly`, as `whole` had them.
+
+    Raises:
+        ValueError: there is no such film.
+    """
+    films_of = (whole.shares > 0).sum(axis=0)
+    rows = [
+        row
+        for row, (name, share) in enumerate(zip(films.names, whole.shares, strict=True))
+        if (only(name) if only else (share > 0).sum() > 1) and np.all(films_of[share > 0] > 1)
+    ]
+    if not rows:
+        raise ValueError("no film can be left out: none is of several paints that are all in other films too")
+    predictions: list[Prediction] = []
+    try:
+        for row in rows:
+            progress(films.names[row])
+            rest = without(whole, films, recipes, row, **given)
+            predictions += predict_films(rest, films.take([row]), recipes, response=given.get("response"))
+    except KeyboardInterrupt:
+        if not predictions:
+            raise
+    done = rows[: len(predictions)]
+    measured = np.stack([films.over_black[done], films.over_white[done]], axis=1)
+    return LeftOut(tuple(predictions), whole.delta_e()[done], measured, len(done) == len(rows))

@@ -1,0 +1,298 @@
+"""From films over black and white to absorption and scattering, at every wavelength.
+
+Each band of each film is a problem of its own: two readings, two unknowns. All of them are solved side by side in one
+compiled program, a vmapped Levenberg-Marquardt of optimistix, in chunks of films so that progress shows and an
+interrupt keeps what is finished.
+
+The unknowns are log(k d) and log(s d), held between bounds by a sigmoid. Two films over the same cards can have two
+solutions, so the fit starts from the two best local minima of a table (`film.model.tabulate`) and keeps the better.
+
+Where a film is opaque only k/s is known. There s d is drawn to its neighbours (`regularise`) and k d follows
+from the ratio; the band is flagged.
+"""
+
+import functools
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from jaxtyping import Array, Bool, Float
+
+from glazejax import Hemispherical
+
+from ..film.films import Films, Instrument, Noise, cards
+from ..film.gloss import estimate_gloss
+from ..film.least_squares import GramSchmidt
+from ..film.model import HIGHEST, LOWEST, Table, body_reflectance, tabulate
+from .regularise import neighbours_scattering
+from .result import Recovery, told_apart
+
+CHUNK = 8
+"""Films a chunk."""
+
+_STEPS = 20
+# Pull to the start, in standard deviations per unit of log k d or log s d, without and with a given s d.
+_PULL, _GIVEN_PULL = 0.05, 0.2
+# In units of a standard deviation for residuals, and of log k d and log s d.
+_SOLVER = optx.LevenbergMarquardt(rtol=1e-4, atol=1e-3, linear_solver=GramSchmidt())
+_BOUNDS = np.log(np.array([LOWEST, HIGHEST]))
+
+
+class Problem(NamedTuple):
+    """Readings over black and white (last axis) of every band, without the surface's part; leading axes are bands."""
+
+    reading: Float[Array, "*bands 2"]
+    ground: Float[Array, "*bands 2"]
+    variance: Float[Array, "*bands 2"]  # of the reading
+    ground_variance: Float[Array, "*bands 2"]
+
+
+class Prior(NamedTuple):
+    """What is known beforehand of log(s d): its mean and one over its standard deviation (0 for nothing)."""
+
+    mean: Float[Array, "*bands"]
+    weight: Float[Array, "*bands"]
+
+
+class Start(NamedTuple):
+    """Where the fit of one band starts."""
+
+    logs: Float[Array, "*bands 2 2"]  # two points, log k d and log s d
+    weights: Float[Array, "*bands 2"]  # of the residuals
+    least_scattering: Float[Array, "*bands"]  # smallest log(s d) that the data allow
+
+
+class Estimate(NamedTuple):
+    """Solution of every band."""
+
+    optical: Float[Array, "*bands 2"]  # k d and s d
+    covariance: Float[Array, "*bands 2 2"]
+    fitted: Float[Array, "*bands 2"]  # without the surface's part
+    misfit: Float[Array, "*bands"]  # sum of squared residuals, in standard deviations
+    converged: Bool[Array, "*bands"]
+    ambiguous: Bool[Array, "*bands"]  # the other start led to another solution as good
+    least_scattering: Float[Array, "*bands"]
+
+
+def _bounded(free: Float[Array, "*n 2"]) -> Float[Array, "*n 2"]:
+    """Log optical thicknesses from free parameters; the slope is 1 in the middle of the range."""
+    low, high = jnp.asarray(_BOUNDS, free.dtype)
+    return low + (high - low) * jax.nn.sigmoid(4.0 * free / (high - low))
+
+
+def _free(logs: Float[Array, "*n 2"]) -> Float[Array, "*n 2"]:
+    low, high = jnp.asarray(_BOUNDS, logs.dtype)
+    share = jnp.clip((logs - low) / (high - low), 1e-3, 1 - 1e-3)
+    return (high - low) / 4.0 * (jnp.log(share) - jnp.log1p(-share))
+
+
+def starts(problem: Problem, table: Table, prior: Prior) -> Start:
+    """Starting points of one band: the table's two lowest local minima (the lowest twice if there is one only).
+
+    Between neighbouring values of k d the table is interpolated, since the valley of equal k/s is narrow.
+    """
+    ground = problem.ground[:, None, None]
+    transmitted = table.gain / (1.0 - table.back * ground)
+    # A card's own error reaches the reading through the film.
+    through = transmitted / (1.0 - table.back * ground)
+    variance = problem.variance[:, None, None] + problem.ground_variance[:, None, None] * through**2
+    residual = (table.black + ground * transmitted - problem.reading[:, None, None]) / jnp.sqrt(variance)
+    left, step = residual[:, :-1], jnp.diff(residual, axis=1)
+    share = jnp.clip(-jnp.sum(left * step, axis=0) / jnp.clip(jnp.sum(step**2, axis=0), 1e-30), 0.0, 1.0)
+    cost = jnp.sum((left + share * step) ** 2, axis=0)
+    least = table.log_scattering[jnp.argmax(jnp.min(cost, axis=0) <= cost.min() + 4.0)]
+
+    cost = cost + (prior.weight * (table.log_scattering - prior.mean)) ** 2
+    walled = jnp.pad(cost, 1, constant_values=jnp.inf)
+    rows, columns = cost.shape
+    around = jnp.stack([walled[i : i + rows, j : j + columns] for i in range(3) for j in range(3)])
+    minima = jnp.where(cost <= around.min(axis=0), cost, jnp.inf).ravel()
+    first = jnp.argmin(cost)
+    second = jnp.argmin(minima.at[first].set(jnp.inf))
+    second = jnp.where(jnp.isfinite(minima[second]), second, first)
+    # A band whose s is given may be so dark that k has no upper limit: then the smallest that will do.
+    enough = jnp.argmax((cost <= cost.min() + 4.0).any(axis=1)) * columns
+    enough += jnp.argmin(cost[enough // columns])
+    first = jnp.where(prior.weight > 0, enough, first)
+    row, column = jnp.divmod(jnp.stack([first, second]), columns)
+    log_absorption = table.log_absorption[row] + share[row, column] * (
+        table.log_absorption[1] - table.log_absorption[0]
+    )
+    points = jnp.stack([log_absorption, table.log_scattering[column]], axis=-1)
+    return Start(points, 1.0 / jnp.sqrt(variance[:, row[0], column[0]]), least)
+
+
+def _polish(
+    start: Float[Array, "2"], problem: Problem, weights: Float[Array, "2"], prior: Prior, instrument: Instrument
+) -> tuple[Float[Array, "2"], Bool[Array, ""]]:
+    """Least squares of one band from one start: log optical thicknesses, and whether it converged.
+
+    A weak pull to the start settles directions that the data leave open; it moves a value that they determine to half
+    its size by less than a hundredth of its error.
+    """
+    given = prior.weight > 0
+    pull = jnp.stack([jnp.where(given, _GIVEN_PULL, _PULL), jnp.where(given, prior.weight, _PULL)])
+    centre = jnp.stack([start[0], jnp.where(given, prior.mean, start[1])])
+
+    def residuals(free: Array, _: None) -> Array:
+        logs = _bounded(free)
+        k, s = jnp.exp(logs)
+        data = (body_reflectance(k, s, problem.ground, instrument) - problem.reading) * weights
+        return jnp.concatenate([data, pull * (logs - centre)])
+
+    solution = optx.least_squares(residuals, _SOLVER, _free(start), max_steps=_STEPS, throw=False)
+    return _bounded(solution.value), solution.result == optx.RESULTS.successful
+
+
+def _spread(
+    optical: Float[Array, "n 2"], problem: Problem, instrument: Instrument
+) -> tuple[Float[Array, "n 2"], Float[Array, "n 2 2"]]:
+    """Fitted readings, and the covariance of k d and s d that the noise of all four readings causes.
+
+    Inverse of the Fisher information, J^T W J, plus a vague prior: a value is known beforehand to 1 + 5 times itself,
+    so that what the data leave open comes out large, not infinite.
+    """
+
+    def total(optical: Array, ground: Array) -> tuple[Array, Array]:
+        value = body_reflectance(optical[..., 0], optical[..., 1], ground, instrument)
+        return value.sum(), value
+
+    # One reverse pass gives every slope: bands and cards are independent.
+    pairs = jnp.broadcast_to(optical[:, None, :], (*optical.shape, 2))
+    (_, value), (jacobian, through) = jax.value_and_grad(total, argnums=(0, 1), has_aux=True)(pairs, problem.ground)
+    variance = problem.variance + problem.ground_variance * through**2
+    scaled = jacobian / jnp.sqrt(variance)[..., None]
+    fisher = jnp.einsum("nci,ncj->nij", scaled, scaled) + jnp.eye(2) / (1.0 + 5.0 * optical[:, :, None]) ** 2
+    determinant = fisher[:, 0, 0] * fisher[:, 1, 1] - fisher[:, 0, 1] ** 2
+    swapped = fisher[:, ::-1, ::-1] * jnp.asarray([[1.0, -1.0], [-1.0, 1.0]])
+    return value, swapped / determinant[:, None, None]
+
+
+@functools.partial(jax.jit, static_argnames="instrument")
+def solve(problem: Problem, table: Table, prior: Prior, instrument: Instrument) -> Estimate:
+    """Solve every band of a batch, (n,), side by side."""
+    start = jax.vmap(starts, in_axes=(0, None, 0))(problem, table, prior)
+    # Both starts of a band are bands of their own until the better one is chosen.
+    twice = jax.tree.map(lambda a: jnp.repeat(a, 2, axis=0), (problem, start.weights, prior))
+    both, weights, priors = twice
+    logs, converged = jax.vmap(_polish, in_axes=(0, 0, 0, 0, None))(
+        start.logs.reshape(-1, 2), both, weights, priors, instrument
+    )
+    optical = jnp.exp(logs)
+    fitted, covariance = _spread(optical, both, instrument)
+    misfit = jnp.sum(((fitted - both.reading) * weights) ** 2, axis=-1)
+    cost = (misfit + (priors.weight * (logs[:, 1] - priors.mean)) ** 2).reshape(-1, 2)
+    # The first unless the second is better by more than rounding.
+    best = jnp.where(cost[:, 1] < cost[:, 0] - 0.01, 1, 0)
+    pair = logs.reshape(-1, 2, 2)
+    apart = (jnp.abs(pair[:, 1] - pair[:, 0]) > 0.3) & (jnp.abs(jnp.exp(pair[:, 1]) - jnp.exp(pair[:, 0])) > 0.01)
+    ambiguous = apart.any(axis=1) & (jnp.abs(cost[:, 1] - cost[:, 0]) < 4.0)
+
+    def choose(values: Array) -> Array:
+        pairs = values.reshape(-1, 2, *values.shape[1:])
+        return jnp.take_along_axis(pairs, best.reshape(-1, *[1] * (pairs.ndim - 1)), axis=1)[:, 0]
+
+    return Estimate(
+        optical=choose(optical),
+        covariance=choose(covariance),
+        fitted=choose(fitted),
+        misfit=choose(misfit),
+        converged=choose(converged),
+        ambiguous=ambiguous,
+        least_scattering=start.least_scattering,
+    )
+
+
+def pose(films: Films, gloss: Float[np.ndarray, "films"], instrument: Instrument, noise: Noise) -> Problem:
+    """Problems of all bands of some films, (films * bands,)."""
+    black, white, sd_black, sd_white = cards(films, instrument, noise)
+    readings = np.stack([films.over_black, films.over_white], axis=-1)
+    surface = (gloss * instrument.seen_surface)[:, None, None]
+    sds = np.stack([sd_black, sd_white], axis=-1)
+    grounds = np.stack([black, white], axis=-1)
+    return Problem(
+        *(jnp.asarray(a.reshape(-1, 2)) for a in (readings - surface, grounds, noise.sd(readings) ** 2, sds**2))
+    )
+
+
+def recover_films(
+    films: Films, *, instrument: Instrument | None = None, noise: Noise | None = None, chunk: int = CHUNK
+) -> Recovery:
+    """Absorption and scattering of paint films, as optical thicknesses k d and s d.
+
+    Args:
+        films: measured over a black and a white card.
+        instrument: its geometry; by default d:8 with the specular part, refractive index 1.5.
+        noise: of a reading; see `Noise`.
+        chunk: films solved at a time.
+
+    Raises:
+        ValueError: a card that its own surface or a perfect diffuser contradicts (see `glazefit.film.films.cards`).
+    """
+    return Recovery.join(list(recover_chunks(films, instrument=instrument, noise=noise, chunk=chunk)))
+
+
+def recover_chunks(
+    films: Films, *, instrument: Instrument | None = None, noise: Noise | None = None, chunk: int = CHUNK
+) -> Iterator[Recovery]:
+    """As `recover_films`, a few films at a time, so that progress can be shown and an interrupt loses little."""
+    instrument, noise = instrument or Instrument(), noise or Noise()
+    cards(films, instrument, noise)  # refuse bad cards before the first chunk
+    if len(films) == 0:
+        raise ValueError("there are no films to recover")
+    for first in range(0, len(films), chunk):
+        yield _recover_chunk(films.take(slice(first, first + chunk)), instrument, noise, chunk)
+
+
+def _recover_chunk(films: Films, instrument: Instrument, noise: Noise, chunk: int) -> Recovery:
+    count, bands = len(films), films.wavelengths.size
+    gloss = estimate_gloss(films, instrument, noise)
+    # The light inside the paint does not know what the sphere includes: one program serves both.
+    optics = Instrument(Hemispherical(instrument.geometry.incidence), instrument.refractive_index)
+    table = _table(optics)
+    # The last chunk is filled up, so that one compiled program serves all.
+    spare = (chunk - count) * bands
+    problem = jax.tree.map(
+        lambda a: jnp.pad(a, ((0, spare), (0, 0)), mode="edge"), pose(films, gloss, instrument, noise)
+    )
+    size = chunk * bands
+    nothing = Prior(jnp.zeros(size), jnp.zeros(size))
+    free = solve(problem, table, nothing, optics)
+    contrast = np.asarray((free.fitted[:, 1] - free.fitted[:, 0]) / jnp.sqrt(problem.variance.sum(axis=1)))
+    apart = told_apart(np.asarray(free.optical), np.asarray(free.covariance), contrast)
+    known = (apart & ~np.asarray(free.ambiguous)).reshape(-1, bands)
+    mean, weight = neighbours_scattering(
+        films.wavelengths,
+        np.log(np.asarray(free.optical[:, 1])).reshape(-1, bands),
+        known,
+        np.asarray(free.least_scattering).reshape(-1, bands),
+    )
+    prior = Prior(jnp.asarray(mean.ravel()), jnp.asarray(weight.ravel()))
+    drawn = free if known[:count].all() else solve(problem, table, prior, optics)
+    chosen = jax.tree.map(lambda a, b: np.where(known.ravel().reshape(-1, *[1] * (a.ndim - 1)), a, b), free, drawn)
+
+    def cut(values: np.ndarray) -> np.ndarray:
+        return values.reshape(-1, bands, *values.shape[1:])[:count]
+
+    surface = (gloss * instrument.seen_surface)[:, None]
+    return Recovery(
+        films=films,
+        absorption=cut(chosen.optical[:, 0]),
+        scattering=cut(chosen.optical[:, 1]),
+        covariance=cut(chosen.covariance),
+        identifiable=known[:count],
+        gloss=gloss,
+        fitted_black=cut(chosen.fitted[:, 0]) + surface,
+        fitted_white=cut(chosen.fitted[:, 1]) + surface,
+        misfit=cut(chosen.misfit),
+        converged=cut(chosen.converged),
+        ambiguous=cut(np.asarray(free.ambiguous)),
+    )
+
+
+@functools.lru_cache(maxsize=8)
+def _table(instrument: Instrument) -> Table:
+    return jax.jit(functools.partial(tabulate, instrument))()

@@ -1,0 +1,166 @@
+"""All films at once: what is unknown, and how far a guess is from the readings and from what was expected.
+
+Unknown are log k and log s of every paint at every band, and a few numbers that all bands share: of every film the
+logs of its relative thickness, of its gloss beside that of its paints, and of the error of each weight but the
+largest; of every paint the logs of its gloss and of its strength. A reading over a card rho is
+
+    R = R_s exp(sum_p w_p m_p + g_f) + body(d_f sum_p c_p k_p, d_f sum_p c_p s_p, rho)
+
+with c from the mixing law and the weights, each weight times exp(e). Everything is a sum of squares: residuals of
+the readings, the curvature of log k and log s along the wavelengths, and the priors.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..film.films import Noise
+from ..film.mixing import strengthen
+from ..film.response import Response
+
+
+class Expectations(NamedTuple):
+    """What is expected beforehand, as standard deviations.
+
+    Chosen so that films which are left out of a fit are predicted best: `python -m benchmarks.prediction --scan`.
+    """
+
+    thickness: float = 0.3
+    """Of the log of a film's relative thickness."""
+    gloss: float = 0.03
+    """Of the log of one film's gloss, its share of a smooth surface's reflection, about that of its paints."""
+    paint_gloss: float = 0.03
+    """Of the log of a paint's gloss, about what its darkest readings allow (see `glazefit.film.gloss`)."""
+    strength: float = 0.4
+    """Of a paint's log strength, where the mixing law has one (see `glazefit.film.mixing`)."""
+    weight_share: float = 0.01
+    """Of the log of a weight: what weighing leaves open;"""
+    weight_floor: float = 0.0005
+    """and of a weight as a share of the film: recipes are rounded to a tenth of a per cent."""
+    tail: float = 3.0
+    """Degrees of freedom of Student's t that errors of weights follow: a recipe may be plainly wrong."""
+    curvature_k: float = 0.3
+    """Of the second difference of log k over 10 nm."""
+    curvature_s: float = 0.1
+    """Of the second difference of log s over 10 nm."""
+    level_k: tuple[float, float] = (0.0, 3.0)
+    """Mean and standard deviation of a paint's log(k d) for a film of unit thickness, averaged over the bands: little.
+
+    An opaque paint that is in no mixture tells k/s alone; the rest is then as these two say.
+    """
+    level_s: tuple[float, float] = (1.0, 1.5)
+    """The same of log(s d)."""
+    model_floor: float = 0.01
+    """What the model itself may be off, added to the noise: near black,"""
+    model_share: float = 0.01
+    """and for each unit of reflectance. Larger than residuals are: errors of neighbouring bands are alike, so that
+    thirty of them tell no more than a few that are independent."""
+
+
+class Unknowns(NamedTuple):
+    """Point of the search; also the shape of a step."""
+
+    bands: Float[Array, "bands 2*paints"]  # log k of all paints, then log s, for unit thickness
+    films: Float[Array, "films 2+parts"]  # log thickness, log gloss beside its paints', errors of log weights
+    paints: Float[Array, "paints 2"]  # log gloss, log strength
+
+
+class Problem(NamedTuple):
+    """Data and expectations as arrays; leading axis bands where they depend on it."""
+
+    reading: Float[Array, "bands films 2"]
+    ground: Float[Array, "bands films 2"]
+    weight: Float[Array, "bands films 2"]  # one over the standard deviation; 0 leaves a reading out
+    shares: Float[Array, "films paints"]
+    minor: Float[Array, "films parts paints"]  # 1 where an error of weight belongs
+    surface: Float[Array, ""]
+    curvature: Float[Array, "inner bands"]  # second difference in units of (10 nm)^-2, for a weight of 1
+    stiffness: Float[Array, "2*paints"]  # one over the expected curvature
+    pull: Float[Array, "2*paints 2"]  # mean and one over the standard deviation of log k and log s
+    film_scale: Float[Array, "films 2+parts"]  # standard deviations expected
+    paint_mean: Float[Array, "paints 2"]
+    paint_scale: Float[Array, "paints 2"]
+    tail: Float[Array, ""]  # degrees of freedom of Student's t of weights' errors
+
+
+class Residuals(NamedTuple):
+    """Residuals in standard deviations."""
+
+    data: Float[Array, "bands films 2"]
+    curvature: Float[Array, "inner 2*paints"]
+    pull: Float[Array, "bands 2*paints"]
+    films: Float[Array, "films 2+parts"]
+    paints: Float[Array, "paints 2"]
+
+
+def optical_thickness(
+    unknowns: Unknowns, shares: Float[Array, "films paints"], minor: Float[Array, "films parts paints"]
+) -> tuple[Float[Array, "bands films"], Float[Array, "bands films"]]:
+    """Optical thicknesses k d and s d of the films."""
+    paints = shares.shape[1]
+    errors = jnp.einsum("fe,fep->fp", unknowns.films[:, 2:], minor)
+    effective = strengthen(shares * jnp.exp(errors), unknowns.paints[:, 1], jnp)
+    amounts = jnp.exp(unknowns.films[:, :1]) * effective
+    coefficients = jnp.exp(unknowns.bands)
+    return coefficients[:, :paints] @ amounts.T, coefficients[:, paints:] @ amounts.T
+
+
+def readings(unknowns: Unknowns, problem: Problem, response: Response) -> Float[Array, "bands films 2"]:
+    """What the instrument reads over both cards."""
+    kd, sd = optical_thickness(unknowns, problem.shares, problem.minor)
+    gloss = jnp.exp(problem.shares @ unknowns.paints[:, 0] + unknowns.films[:, 1])
+    return problem.surface * gloss[:, None] + response.body(kd[..., None], sd[..., None], problem.ground)
+
+
+def residuals(unknowns: Unknowns, args: tuple[Problem, Response]) -> Residuals:
+    """Residuals of the whole problem."""
+    problem, response = args
+    expected = unknowns.films / problem.film_scale
+    return Residuals(
+        data=(readings(unknowns, problem, response) - problem.reading) * problem.weight,
+        curvature=(problem.curvature @ unknowns.bands) * problem.stiffness,
+        pull=(unknowns.bands - problem.pull[:, 0]) * problem.pull[:, 1],
+        films=jnp.concatenate([expected[:, :2], heavy_tail(expected[:, 2:], problem.tail)], axis=1),
+        paints=(unknowns.paints - problem.paint_mean) / problem.paint_scale,
+    )
+
+
+def heavy_tail(x: Float[Array, "*shape"], freedom: Float[Array, ""]) -> Float[Array, "*shape"]:
+    """Residual whose square is minus twice the log density of Student's t, up to a constant."""
+    square = x**2 / freedom
+    near = square < 1e-6
+    safe = jnp.where(near, 1.0, square)
+    return x * jnp.sqrt((freedom + 1.0) / freedom) * jnp.where(near, 1.0 - square / 4, jnp.sqrt(jnp.log1p(safe) / safe))
+
+
+def model_deviation(
+    measured: Float[np.ndarray, "*shape"], noise: Noise, expected: Expectations
+) -> Float[np.ndarray, "*shape"]:
+    """Standard deviation of a reading from the model's: the instrument's noise and what the model may be off."""
+    return np.hypot(noise.sd(measured), expected.model_floor + expected.model_share * measured)
+
+
+def curvature_matrix(wavelengths: Float[np.ndarray, "bands"]) -> Float[np.ndarray, "inner bands"]:
+    """Second divided differences times (10 nm)^2, each weighted by the root of its share of 10 nm.
+
+    So the sum of squares is the same integral over the wavelengths on any grid.
+    """
+    matrix = np.zeros((max(len(wavelengths) - 2, 0), len(wavelengths)))
+    for row in range(len(matrix)):
+        left, right = np.diff(wavelengths[row : row + 3])
+        weights = 2.0 / (left + right) * np.array([1.0 / left, -1.0 / left - 1.0 / right, 1.0 / right])
+        matrix[row, row : row + 3] = weights * 100.0 * np.sqrt((left + right) / 20.0)
+    return matrix
+
+
+def minor_parts(shares: Float[np.ndarray, "films paints"]) -> Float[np.ndarray, "films parts paints"]:
+    """Which paint each error of weight belongs to: all parts of a film but the largest, on as many places as needed."""
+    parts = max(int((shares > 0).sum(axis=1).max()) - 1, 0)
+    minor = np.zeros((len(shares), parts, shares.shape[1]))
+    for film, row in enumerate(shares):
+        order = np.argsort(-row)
+        for place, paint in enumerate(order[1 : int((row > 0).sum())]):
+            minor[film, place, paint] = 1.0
+    return minor

@@ -1,0 +1,151 @@
+"""What a joint recovery found: paints, films, and how well each is known."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from glazejax import Pigment
+
+from ..film.films import Films, Instrument
+from ..film.mixing import MixingLaw
+from .joint_problem import Expectations, Unknowns
+
+RELATIVE_LIMIT = 0.5
+RULE = f"k and s count as told apart where the joint fit knows each to {RELATIVE_LIMIT:.0%} of its value"
+
+
+@dataclass(frozen=True)
+class JointRecovery:
+    """Paints recovered jointly. Coefficients are optical thicknesses of a pure film of unit relative thickness.
+
+    Attributes:
+        films: as measured.
+        paints: names.
+        shares: of each paint in each film, (films, paints), as the mixing law gives them.
+        law: mixing law.
+        unknowns: solution of `glazefit.recover.joint_problem`; starts another fit of the same films.
+        log_covariance: of log k of all paints, then log s, at each band, (bands, 2 paints, 2 paints).
+        shared_covariance: of the films' and paints' shared numbers, in the order of `unknowns`.
+        draws: of the unknowns from Laplace's approximation, each with a leading axis of draws.
+        film_absorption, film_scattering: k d and s d of every film, (films, bands).
+        fitted_black, fitted_white: what the model reads, (films, bands).
+        residual_sd: expected size of a residual, noise and model together, (films, 2, bands).
+        expectations, instrument: as given.
+        steps, converged: of the solver.
+    """
+
+    films: Films
+    paints: tuple[str, ...]
+    shares: Float[np.ndarray, "films paints"]
+    law: MixingLaw
+    unknowns: Unknowns
+    log_covariance: Float[np.ndarray, "bands coefficients coefficients"]
+    shared_covariance: Float[np.ndarray, "shared shared"]
+    draws: Unknowns
+    film_absorption: Float[np.ndarray, "films bands"]
+    film_scattering: Float[np.ndarray, "films bands"]
+    fitted_black: Float[np.ndarray, "films bands"]
+    fitted_white: Float[np.ndarray, "films bands"]
+    residual_sd: Float[np.ndarray, "films 2 bands"]
+    expectations: Expectations
+    instrument: Instrument
+    steps: int
+    converged: bool
+
+    @property
+    def wavelengths(self) -> Float[np.ndarray, "bands"]:
+        """Wavelengths in nm, (bands,)."""
+        return self.films.wavelengths
+
+    @property
+    def absorption(self) -> Float[np.ndarray, "paints bands"]:
+        """k of each paint for unit thickness, (paints, bands)."""
+        return np.exp(self.unknowns.bands[:, : len(self.paints)].T)
+
+    @property
+    def scattering(self) -> Float[np.ndarray, "paints bands"]:
+        """s of each paint for unit thickness, (paints, bands)."""
+        return np.exp(self.unknowns.bands[:, len(self.paints) :].T)
+
+    @property
+    def log_sd(self) -> Float[np.ndarray, "2 paints bands"]:
+        """Standard deviations of log k and of log s."""
+        sd = np.sqrt(np.diagonal(self.log_covariance, axis1=1, axis2=2))
+        return np.stack([sd[:, : len(self.paints)].T, sd[:, len(self.paints) :].T])
+
+    @property
+    def log_ratio_sd(self) -> Float[np.ndarray, "paints bands"]:
+        """Standard deviation of log(k/s), often far smaller than that of either."""
+        paints = len(self.paints)
+        variance = np.diagonal(self.log_covariance, axis1=1, axis2=2)
+        cross = np.diagonal(self.log_covariance[:, :paints, paints:], axis1=1, axis2=2)
+        return np.sqrt(np.maximum(variance[:, :paints] + variance[:, paints:] - 2 * cross, 0.0)).T
+
+    @property
+    def identifiable(self) -> Bool[np.ndarray, "paints bands"]:
+        """Where k and s of a paint are both known (`RULE`)."""
+        return np.all(self.log_sd <= RELATIVE_LIMIT, axis=0)
+
+    @property
+    def thickness(self) -> Float[np.ndarray, "films"]:
+        """Relative thickness of each film."""
+        return np.exp(self.unknowns.films[:, 0])
+
+    @property
+    def gloss(self) -> Float[np.ndarray, "films"]:
+        """Share of the smooth surface's reflection that each film shows."""
+        return np.exp(self.shares @ self.unknowns.paints[:, 0] + self.unknowns.films[:, 1])
+
+    @property
+    def rmse(self) -> Float[np.ndarray, "films"]:
+        """Root mean square of measured minus fitted reflectance, both cards together."""
+        off = [self.fitted_black - self.films.over_black, self.fitted_white - self.films.over_white]
+        return np.sqrt(np.mean(np.square(off), axis=(0, 2)))
+
+    @property
+    def chi_square(self) -> Float[np.ndarray, "films"]:
+        """Mean squared residual of each film in units of what was expected."""
+        off = np.stack([self.fitted_black - self.films.over_black, self.fitted_white - self.films.over_white], axis=1)
+        return np.mean((off / self.residual_sd) ** 2, axis=(1, 2))
+
+    def delta_e(self, illuminant: str = "D65", observer: str | int = 10) -> Float[np.ndarray, "films 2"]:
+        """CIEDE2000 of fitted from measured spectra, over black and over white."""
+        from glazejax.colour import delta_e_of_spectra
+
+        pairs = ((self.fitted_black, self.films.over_black), (self.fitted_white, self.films.over_white))
+        seen_by = {"illuminant": illuminant, "observer": observer}
+        return np.stack([delta_e_of_spectra(self.wavelengths, *pair, **seen_by) for pair in pairs], axis=-1)
+
+    def recipe(self, film: int) -> dict[str, float]:
+        """Paints of a film, by number, and the share of each, in the order of `paints`."""
+        return {self.paints[p]: float(share) for p, share in enumerate(self.shares[film]) if share > 0}
+
+    def row(self, paint: str) -> int:
+        """Number of a paint.
+
+        Raises:
+            ValueError: there is none of that name.
+        """
+        if paint not in self.paints:
+            raise ValueError(f"no paint is called {paint!r}; known: {', '.join(self.paints)}")
+        return self.paints.index(paint)
+
+    def pigment(self, paint: str, thickness: float, provenance: str = "") -> Pigment:
+        """One paint, if a film of unit relative thickness is this thick (m): k, s and standard deviations in 1/m."""
+        row = self.row(paint)
+        k, s = self.absorption[row] / thickness, self.scattering[row] / thickness
+        return Pigment(
+            paint,
+            self.wavelengths,
+            k,
+            s,
+            identifiable=self.identifiable[row],
+            absorption_sd=k * self.log_sd[0, row],
+            scattering_sd=s * self.log_sd[1, row],
+            provenance=provenance,
+        )
+
+    def pigments(self, thickness: float, provenance: str = "") -> dict[str, Pigment]:
+        """All paints by name; see `pigment`."""
+        return {paint: self.pigment(paint, thickness, provenance) for paint in self.paints}

@@ -1,0 +1,24 @@
+from . import appearance as appearance
+from . import catalogue as catalogue
+from . import colour as colour
+from . import io as io
+from . import plots as plots
+from . import spectra as spectra
+from .geometry import Bidirectional as Bidirectional
+from .geometry import Hemispherical as Hemispherical
+from .paint.media import Glaze as Glaze
+from .paint.media import Layer as Layer
+from .paint.media import Mixture as Mixture
+from .paint.media import Pigment as Pigment
+from .picture import picture as picture
+from .radiative.profile import profile_hemispherical_reflectance as profile_hemispherical_reflectance
+from .radiative.profile import profile_reflectance_factor as profile_reflectance_factor
+from .radiative.stack import split_hemispherical_reflectance as split_hemispherical_reflectance
+from .radiative.stack import split_reflectance_factor as split_reflectance_factor
+from .radiative.stack import stack_hemispherical_reflectance as stack_hemispherical_reflectance
+from .radiative.stack import stack_reflectance_factor as stack_reflectance_factor
+from .reflectance import reflectance as reflectance
+
+__version__: str
+
+__all__: list[str]

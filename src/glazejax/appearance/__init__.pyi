@@ -1,0 +1,37 @@
+from . import display as display
+from . import glaze as glaze
+from . import interreflection as interreflection
+from . import metals as metals
+from . import scene as scene
+from . import shading as shading
+from .display.display import Display as Display
+from .display.tone import ToneCurve as ToneCurve
+from .glaze.interpolation import GlazeTable as GlazeTable
+from .glaze.table import glaze_table as glaze_table
+from .metals import Metal as Metal
+from .metals import metal as metal
+from .scene.file import read_scene as read_scene
+from .scene.lights import ParallelLight as ParallelLight
+from .scene.lights import PointLight as PointLight
+from .scene.lights import lamp as lamp
+from .scene.lights import measured_lamp as measured_lamp
+from .scene.materials import Conductor as Conductor
+from .scene.materials import Glazed as Glazed
+from .scene.materials import Lambert as Lambert
+from .scene.materials import Material as Material
+from .scene.materials import Phong as Phong
+from .scene.mesh import read_mesh as read_mesh
+from .scene.picture import light_white as light_white
+from .scene.picture import picture_xyz as picture_xyz
+from .scene.picture import save_png as save_png
+from .scene.picture import save_spectral as save_spectral
+from .scene.picture import screen_picture as screen_picture
+from .scene.render import render as render
+from .scene.scene import Camera as Camera
+from .scene.scene import Scene as Scene
+from .scene.shapes import Box as Box
+from .scene.shapes import Mesh as Mesh
+from .scene.shapes import Plane as Plane
+from .scene.shapes import Sphere as Sphere
+
+__all__: list[str]

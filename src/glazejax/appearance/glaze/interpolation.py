@@ -1,0 +1,178 @@
+"""A table of a glaze's reflectance factor between angles, and what lies between its nodes.
+
+The reflectance factor changes fast only in ways that are known: the surface lets T(theta_I) of the light in and
+T(theta_F) out, and a shallow path inside makes it grow as 1/(mu_I + mu_F), the cosines inside the paint. What is left,
+rho (mu_I + mu_F)/(T T), is analytic in these cosines, which span little (0.75 to 1 for n = 1.5), so that few nodes do.
+"""
+
+from types import ModuleType
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import Array, Float
+
+from ...paint.media import Glaze
+from ...radiative.common.fresnel import cos_refracted, dielectric_reflectance
+from ...spectra import Grid, Numbers, as_float_array
+from .nodes import Range, held, lagrange, product, stretch
+from .solve import fixed_thickness, indices, on_grid, on_nodes
+
+# Numbers held at once by the interpolation.
+_CHUNK_NUMBERS = 2**22
+# Without a surface the factor has no bound where both directions graze; there it is this sum of cosines' value.
+_LEAST_SUM = 1e-6
+
+
+class GlazeTable(NamedTuple):
+    """Reflectance factor of a glaze between angles; made by `glazejax.appearance.glaze.table.glaze_table`.
+
+    A pytree of arrays: it passes through jit, vmap and grad.
+    """
+
+    cos_in: Float[Array | np.ndarray, "in"]
+    """Nodes, cosines of incidence in air."""
+    cos_out: Float[Array | np.ndarray, "out"]
+    """Nodes, cosines of viewing in air."""
+    table: Float[Array | np.ndarray, "bands in out thickness"]
+    """Reflectance factor pi L_out / E_in at the nodes, without the specular part. The last axis has one entry if the
+    thickness does not vary."""
+    refractive_index: Float[Array | np.ndarray, "bands"]
+    thickness: Float[Array | np.ndarray, "thickness"]
+    """Nodes, m; one entry, the layer's thickness (0 for a glaze without layers), if it does not vary."""
+    ranges: tuple[Range, Range, Range]
+    """Angles (as cosines in air) and thicknesses that the table is for."""
+    coordinate_index: Array | float
+    """Index whose cosines inside are the coordinates of the angles."""
+    error: Array | float
+    """Estimated largest absolute error of the reflectance factor within the ranges; where mu_I + mu_F is below 1, which
+    an index near 1 allows, of the factor times that sum."""
+
+    def reflectance_factor(
+        self, cos_in: Numbers, cos_out: Numbers, thickness: Numbers | None = None
+    ) -> Float[Array, "*batch bands"]:
+        """Reflectance factor pi L_out / E_in, without the specular part.
+
+        Args:
+            cos_in, cos_out: cosines of the angles of incidence and viewing in air, (...).
+            thickness: of the layer that varies, m, (...); only for a table with thicknesses.
+
+        Returns:
+            (..., bands), to `error`, and smooth. What lies outside the ranges is moved to their ends. Work goes
+            through the processor in pieces, so that memory stays bounded.
+
+        Raises:
+            ValueError: a thickness is missing, or given for a table without.
+        """
+        varies = self.thickness.shape[0] > 1
+        if varies and thickness is None:
+            raise ValueError("this glaze's thickness varies: give thickness, in metres, for every point")
+        if not varies and thickness is not None:
+            raise ValueError(
+                "this glaze's thickness is fixed: leave thickness out, or give glaze_table the thicknesses too"
+            )
+        depth = self.thickness[0] if thickness is None else thickness
+        points = jnp.broadcast_arrays(*(as_float_array(values) for values in (cos_in, cos_out, depth)))
+        return _in_pieces(self, *points)
+
+    def mirror(self, cos_in: Numbers) -> Float[Array, "*batch bands"]:
+        """Fresnel reflectance of the outer surface, (..., bands): what a mirror reflection carries.
+
+        Args:
+            cos_in: cosine of the angle of incidence in air, (...); below 0 it counts as 0.
+        """
+        cosine = jnp.clip(as_float_array(cos_in), 0.0, 1.0)
+        return dielectric_reflectance(cosine[..., None], self.refractive_index)
+
+    def refilled(self, glaze: Glaze, wavelengths_nm: Grid, *, layer: int = 0, tolerance: float = 1e-6) -> "GlazeTable":
+        """The same nodes for another glaze, which JAX may trace: gradients by its paints and thicknesses.
+
+        The error is not estimated again, so keep to glazes near the one the table was made for.
+
+        Args:
+            glaze, wavelengths_nm, layer: as for `glaze_table`. Where the thickness does not vary, it is the glaze's.
+            tolerance: of the solver.
+        """
+        glaze = on_grid(glaze, wavelengths_nm)
+        varies = self.thickness.shape[0] > 1
+        depths = self.thickness if varies else fixed_thickness(glaze, layer)
+        return self._replace(
+            table=on_nodes(glaze, self.cos_in, self.cos_out, depths if varies else None, layer, tolerance),
+            thickness=depths,
+            ranges=self.ranges if varies else (*self.ranges[:2], Range(depths[0], depths[0])),
+            refractive_index=indices(glaze, self.refractive_index.shape[0]),
+        )
+
+    def __repr__(self) -> str:
+        bands, incidence, viewing, depths = self.table.shape
+        sizes = f"{incidence} x {viewing} angles" + (f" x {depths} thicknesses" if depths > 1 else "")
+        error = "traced" if isinstance(self.error, Tracer) else f"{float(self.error):.1g}"
+        return f"GlazeTable({bands} bands, {sizes}, estimated error {error})"
+
+
+def interior(table: GlazeTable, xp: ModuleType) -> Any:
+    """What is interpolated: the table without what is known, (bands, in, out, thickness)."""
+    index = table.refractive_index[:, None]
+    a, b = (xp.clip(c, 0.0, 1.0) for c in (table.cos_in, table.cos_out))
+    through = [1.0 - dielectric_reflectance(c, index) for c in (a, b)]
+    inside = [cos_refracted(c, index) for c in (a, b)]
+    total = inside[0][:, :, None] + inside[1][:, None, :]
+    return table.table * (total / (through[0][:, :, None] * through[1][:, None, :]))[..., None]
+
+
+def evaluate(table: GlazeTable, flat: Any, points: Any, xp: ModuleType) -> Any:
+    """Reflectance factor, (points, bands), at cosines and thicknesses (3, points).
+
+    Args:
+        table: ranges and nodes.
+        flat: `interior` as (nodes, bands).
+        points: cosines of incidence and viewing in air, and thickness in m.
+        xp: numpy or jax.numpy, as the arrays are.
+    """
+    count = points.shape[1]
+    a, b = (held(points[k], span, xp) for k, span in enumerate(table.ranges[:2]))
+    along = [_angle_weights(table, axis, c, xp) for axis, c in enumerate((a, b))]
+    weights = (along[0][:, :, None] * along[1][:, None, :]).reshape(count, -1)
+    if table.thickness.shape[0] > 1:
+        third = _thickness_weights(table, points[2], xp)
+        weights = (weights[:, :, None] * third[:, None, :]).reshape(count, -1)
+    index = table.refractive_index
+    through = [1.0 - dielectric_reflectance(c[:, None], index) for c in (a, b)]
+    total = cos_refracted(a[:, None], index) + cos_refracted(b[:, None], index)
+    return product(weights, flat, xp) * through[0] * through[1] / xp.maximum(total, _LEAST_SUM)
+
+
+@jax.jit
+def _in_pieces(table: GlazeTable, cos_in: Array, cos_out: Array, depth: Array) -> Float[Array, "*batch bands"]:
+    """`evaluate`, a bounded number of points at a time."""
+    bands, nodes = table.table.shape[0], int(np.prod(table.table.shape[1:]))
+    flat = interior(table, jnp).reshape(bands, nodes).T
+    points = jnp.stack([cos_in.ravel(), cos_out.ravel(), depth.ravel()])
+    count = points.shape[1]
+    chunk = max(64, _CHUNK_NUMBERS // (nodes + 4 * bands))
+    if count <= chunk:
+        values = evaluate(table, flat, points, jnp)
+    else:
+        pieces = -(-count // chunk)
+        size = -(-count // pieces)
+        padded = jnp.pad(points, ((0, 0), (0, pieces * size - count)), mode="edge")
+        listed = jnp.moveaxis(padded.reshape(3, pieces, size), 1, 0)
+        values = jax.lax.map(lambda part: evaluate(table, flat, part, jnp), listed).reshape(-1, bands)[:count]
+    return values.reshape(*cos_in.shape, bands)
+
+
+def _angle_weights(table: GlazeTable, axis: int, cosine: Any, xp: ModuleType) -> Any:
+    """Lagrange's polynomials of the nodes, (points, nodes), at cosines within the range."""
+    nodes, span = (table.cos_in, table.cos_out)[axis], table.ranges[axis]
+    ends = [cos_refracted(xp.asarray(end, cosine.dtype), table.coordinate_index) for end in (span.low, span.high)]
+    return lagrange(cos_refracted(cosine, table.coordinate_index), ends[0], ends[1], nodes.shape[0], xp)
+
+
+def _thickness_weights(table: GlazeTable, depth: Any, xp: ModuleType) -> Any:
+    """Lagrange's polynomials of the thickness nodes, (points, nodes)."""
+    span = table.ranges[2]
+    ends = [stretch(xp.asarray(end, depth.dtype), span, xp) for end in (span.low, span.high)]
+    x = stretch(held(depth, span, xp), span, xp)
+    return lagrange(x, ends[0], ends[1], table.thickness.shape[0], xp)

@@ -1,0 +1,106 @@
+"""The glaze of a material as the solver wants it: on the scene's wavelengths, with the thicknesses of a map."""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ...paint.media import Glaze, Layer
+from ...radiative.plan.plan import plan_stacks
+from ...radiative.stack import stack_reflectance_factor
+from ...spectra import Grid, Numbers, as_array, as_float_array, resample, validate_wavelengths
+
+
+def on_grid(glaze: Glaze, wavelengths_nm: Grid) -> Glaze:
+    """The glaze on the wavelengths of the scene, its substrate with one value for each.
+
+    Raises:
+        ValueError: it has batch axes or phase functions, or the wavelengths reach beyond those of its paints.
+    """
+    if glaze.phase is not None:
+        raise ValueError(
+            "a paint here has a phase function, and then the azimuth matters too: a table of angles takes isotropic "
+            "scattering only; use glazejax.reflectance for single directions"
+        )
+    new = validate_wavelengths(wavelengths_nm)
+    if any(layer.thickness.ndim for layer in glaze.layers) or glaze.albedo.ndim > 2 or glaze.substrate.ndim > 1:
+        raise ValueError("a material is one glaze, without batch axes; give a map of thicknesses as thickness")
+    old = glaze.wavelengths if glaze.layers else new
+
+    def at(values: Numbers) -> Numbers:
+        array = as_array(values)
+        return array if array.ndim == 0 or array.shape[-1] == 1 else resample(old, array, new)
+
+    layers = [Layer(layer.medium.resample(new), layer.thickness) for layer in glaze.layers]
+    substrate = jnp.broadcast_to(as_float_array(at(glaze.substrate)), new.shape)
+    index = glaze.refractive_index
+    return Glaze(layers, substrate, index if isinstance(index, float) else at(index))
+
+
+def thickened(glaze: Glaze, layer: int, depths: Numbers) -> Glaze:
+    """The glaze with other thicknesses of one layer, (points,), in m."""
+    layers = list(glaze.layers)
+    layers[layer] = Layer(layers[layer].medium, depths)
+    return Glaze(layers, glaze.substrate, glaze.refractive_index)
+
+
+def fixed_thickness(glaze: Glaze, layer: int) -> Float[Array, "1"]:
+    """Thickness of the layer as it is, in m; 0 for a glaze without layers."""
+    return glaze.layers[layer].thickness.reshape(1) if glaze.layers else jnp.zeros(1)
+
+
+def indices(glaze: Glaze, bands: int) -> Float[Array, "bands"]:
+    """Refractive index of each band."""
+    return jnp.broadcast_to(as_float_array(glaze.refractive_index), (bands,))
+
+
+def factor(glaze: Glaze, cos_in: Numbers, cos_out: Numbers, tolerance: float) -> Float[Array, "*batch bands"]:
+    """The solver's reflectance factor of a glaze that JAX may trace; cosines end in an axis for the bands."""
+    return stack_reflectance_factor(**_stack(glaze, cos_in, cos_out, tolerance))
+
+
+def planned_factor(glaze: Glaze, cos_in: Numbers, cos_out: Numbers, tolerance: float) -> Float[np.ndarray, "..."]:
+    """The same for a known glaze: exchanged directions, hidden layers and equal stacks are computed once or not at all.
+
+    Programs are compiled for few sizes, which serve every glaze of as many layers.
+    """
+    return np.asarray(plan_stacks(**_stack(glaze, cos_in, cos_out, tolerance)).run())
+
+
+def _stack(glaze: Glaze, cos_in: Numbers, cos_out: Numbers, tolerance: float) -> dict[str, Any]:
+    """What both ask of the solver."""
+    return {
+        "albedo": glaze.albedo,
+        "optical_thickness": glaze.optical_thickness,
+        "substrate_reflectance": glaze.substrate,
+        "refractive_index": glaze.refractive_index,
+        "cos_incidence": cos_in,
+        "cos_viewing": cos_out,
+        "tolerance": tolerance,
+    }
+
+
+def on_nodes(
+    glaze: Glaze,
+    cos_in: Array | np.ndarray,
+    cos_out: Array | np.ndarray,
+    depths: Numbers | None,
+    layer: int,
+    tolerance: float,
+    solve: Callable[..., Any] = factor,
+) -> Any:
+    """Reflectance factor on the tensor grid of nodes, (bands, in, out, thickness).
+
+    Args:
+        glaze: of `on_grid`.
+        cos_in, cos_out: nodes, (in,) and (out,).
+        depths: thicknesses of `layer` in m, (thickness,), or None for one node, its own.
+        layer: number of the layer that varies.
+        tolerance: of the solver.
+        solve: `factor`, whose result is JAX's, or `planned_factor`, whose result is NumPy's.
+    """
+    made = glaze if depths is None else thickened(glaze, layer, depths)
+    values = solve(made, cos_in[:, None, None, None], cos_out[:, None, None], tolerance)
+    return (np if isinstance(values, np.ndarray) else jnp).moveaxis(values, -1, 0)

@@ -1,0 +1,213 @@
+"""Our glazes as a material: the many-layer solver's reflectance factor at any pair of angles, from a small table.
+
+A scene asks for millions of pairs of angles; `glaze_table` solves for a few nodes, only within the angles and
+thicknesses that the scene has, and adds nodes until the error at points not used before is below the tolerance.
+`GlazeTable` interpolates between them (see `glaze_interpolation`).
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+
+from ...paint.media import MAX_THICKNESS, Glaze, Layer
+from ...radiative.common.fresnel import cos_refracted
+from ...spectra import Grid, Numbers, concrete
+from .interpolation import GlazeTable, evaluate, interior
+from .nodes import (
+    Range,
+    coefficients_from_nodes,
+    stretch,
+    unit_nodes,
+    unstretch,
+)
+from .solve import (
+    fixed_thickness,
+    indices,
+    on_grid,
+    on_nodes,
+    planned_factor,
+    thickened,
+)
+
+__all__ = ["ALL_ANGLES", "GlazeTable", "glaze_table"]
+
+ALL_ANGLES = ((0.0, 90.0), (0.0, 90.0))
+"""Degrees in air of incidence and viewing."""
+
+# Numbers of nodes that are tried, for angles and thicknesses.
+_ANGLE_NODES = (3, 4, 5, 6, 8, 12, 16, 24, 32)
+_THICKNESS_NODES = (5, 7, 9, 12, 16, 20, 26, 34, 48, 65)
+# Axes whose last coefficients are within this factor of the largest are refined together.
+_TOGETHER = 0.5
+# The solver gets this share of the tolerance.
+_SOLVER_SHARE = 0.05
+_CHECKS = 48
+# The worst of all points lies above the worst of the check points.
+_SAFETY = 2.0
+# Grazing light is checked up to here: the solver takes no cosine of zero.
+_LEAST_COSINE = 1e-3
+# Curvatures of the thickness axis that are tried: nearly a square root, to logarithmic.
+_CURVATURES = (1.0, 10.0, 100.0, 1e3, 1e4)
+_TRIAL_POINTS, _TRIAL_DEGREE = 25, 7
+
+
+def glaze_table(
+    glaze: Glaze,
+    wavelengths_nm: Grid,
+    *,
+    angles: tuple[tuple[float, float], tuple[float, float]] = ALL_ANGLES,
+    thickness: Numbers | None = None,
+    layer: int = 0,
+    tolerance: float = 1e-3,
+) -> GlazeTable:
+    """Table of a glaze's reflectance factor, for the angles and thicknesses that a scene has.
+
+    Args:
+        glaze: layers on a ground, without batch axes.
+        wavelengths_nm: (bands,), within the wavelengths of its paints, to which they are resampled.
+        angles: ((least, largest) angle of incidence, (least, largest) angle of viewing), degrees in air, 0 to 90.
+            Equal ends make an axis of one node.
+        thickness: thicknesses that `layer` takes in the scene, m, in any shape, such as a map: all from the smallest
+            to the largest are covered. The layer keeps its own if this is left out.
+        layer: number of the layer that varies, 0 for the top one.
+        tolerance: absolute error wanted of the reflectance factor.
+
+    Returns:
+        `GlazeTable`; its ``error`` is twice the largest error at points not used before, and says so if as many nodes
+        as there may be did not reach the tolerance.
+
+    Raises:
+        ValueError: angles that are not within 0 to 90 degrees in order, a glaze with batch axes or values that JAX
+            traces (use `GlazeTable.refilled`), no such layer, or what `Pigment.resample` and `Layer` refuse.
+    """
+    if not 0 < tolerance < 1:
+        raise ValueError(f"tolerance is {tolerance}; it must lie between 0 and 1, such as 1e-3")
+    if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(glaze)):
+        raise ValueError("JAX traces this glaze: build a table of a typical one outside, and call its .refilled here")
+    glaze = on_grid(glaze, wavelengths_nm)
+    depths = _thickness_range(glaze, thickness, layer)
+    cosines = tuple(_cosines(name, pair) for name, pair in zip(("incidence", "viewing"), angles, strict=True))
+    building = _Building(glaze, layer, cosines, depths, _SOLVER_SHARE * tolerance)
+    checks = building.random_points(np.random.default_rng(0), _CHECKS)
+    truth = building.solve(checks)
+    sizes = [0, 0]
+    while True:
+        built = building.table(sizes)
+        error = _SAFETY * float(np.max(building.missed(built, checks, truth))) + building.tolerance
+        if error <= tolerance or not building.refine(sizes, built):
+            return jax.tree.map(lambda leaf: jnp.asarray(leaf, float), built)._replace(error=error)
+
+
+class _Building:
+    """A table in the making, in NumPy."""
+
+    def __init__(self, glaze: Glaze, layer: int, cosines, depths: tuple[float, float] | None, tolerance: float):
+        self.glaze, self.layer, self.tolerance, self.varies = glaze, layer, tolerance, depths is not None
+        bands = glaze.substrate.shape[0]
+        self.index = np.asarray(indices(glaze, bands), float)
+        self.inside = float(self.index.min())
+        own = float(fixed_thickness(glaze, layer)[0])
+        low, high = depths or (own, own)
+        first, second = (Range(*pair) for pair in cosines)
+        self.ranges = (first, second, Range(low, high))
+        if self.varies:
+            self.ranges = (first, second, Range(low, high, self._best_curvature()))
+
+    def nodes(self, axis: int, count: int) -> np.ndarray:
+        """Cosines, or thicknesses for axis 2, at the nodes of the coordinate; one node for an empty range."""
+        span = self.ranges[axis]
+        low, high = float(span.low), float(span.high)
+        if low == high:
+            return np.array([low if axis == 2 else max(low, _LEAST_COSINE)])
+        u = unit_nodes(count)
+        if axis == 2:
+            return np.clip(unstretch(stretch(low, span, np), stretch(high, span, np), u, span), low, high)
+        ends = cos_refracted(np.array([low, high]), self.inside)
+        squared = self.inside**2 * ((ends[0] + u * (ends[1] - ends[0])) ** 2 - 1.0) + 1.0
+        return np.sqrt(np.clip(squared, low**2, high**2))
+
+    def random_points(self, rng: np.random.Generator, count: int) -> np.ndarray:
+        """Points within the ranges, more of them towards the ends, (3, count)."""
+        spans = [(float(r.low), float(r.high)) for r in self.ranges]
+        points = np.stack([low + (high - low) * rng.beta(0.6, 0.6, count) for low, high in spans])
+        points[:2] = np.clip(points[:2], _LEAST_COSINE, 1.0)
+        return points
+
+    def solve(self, points: np.ndarray) -> np.ndarray:
+        """Reflectance factor by the solver at points (3, points): (points, bands)."""
+        glaze = thickened(self.glaze, self.layer, points[2]) if self.varies else self.glaze
+        return planned_factor(glaze, points[0][:, None], points[1][:, None], self.tolerance)
+
+    def table(self, sizes: list[int]) -> GlazeTable:
+        """Table with the numbers of nodes that `sizes` points to; its error is not known yet."""
+        a, b = (self.nodes(axis, _ANGLE_NODES[sizes[0]]) for axis in (0, 1))
+        depths = self.nodes(2, _THICKNESS_NODES[sizes[1]])
+        varied = depths if self.varies else None
+        values = on_nodes(self.glaze, a, b, varied, self.layer, self.tolerance, planned_factor)
+        return GlazeTable(a, b, values, self.index, depths, self.ranges, self.inside, np.nan)
+
+    def missed(self, built: GlazeTable, points: np.ndarray, truth: np.ndarray) -> np.ndarray:
+        """Error at points, (points, bands), as `GlazeTable.error` counts it."""
+        flat = interior(built, np).reshape(truth.shape[1], -1).T
+        found = evaluate(built, flat, points, np)
+        total = cos_refracted(points[0][:, None], self.index) + cos_refracted(points[1][:, None], self.index)
+        return np.abs(found - truth) * np.minimum(total, 1.0)
+
+    def refine(self, sizes: list[int], built: GlazeTable) -> bool:
+        """Add nodes where the last coefficients are largest; False if there are enough already."""
+        values = interior(built, np)
+
+        def tail(axis: int) -> float:
+            count = values.shape[axis]
+            last = coefficients_from_nodes(count)[-2:]
+            return float(np.max(np.abs(np.tensordot(last, values, (1, axis))))) if count > 1 else 0.0
+
+        tails = (max(tail(1), tail(2)), tail(3))
+        room = (sizes[0] + 1 < len(_ANGLE_NODES), self.varies and sizes[1] + 1 < len(_THICKNESS_NODES))
+        largest = max((size for size, more in zip(tails, room, strict=True) if more), default=0.0)
+        grow = [k for k in (0, 1) if room[k] and tails[k] >= _TOGETHER * largest > 0.0]
+        for k in grow:
+            sizes[k] += 1
+        return bool(grow)
+
+    def _best_curvature(self) -> float:
+        """Curvature for which a polynomial of low degree in the thickness comes nearest, amid the angles."""
+        low, high = float(self.ranges[2].low), float(self.ranges[2].high)
+        line = low + (high - low) * np.linspace(0.0, 1.0, _TRIAL_POINTS) ** 3
+        middle = [np.full(line.size, max(0.5 * (float(r.low) + float(r.high)), _LEAST_COSINE)) for r in self.ranges[:2]]
+        values = self.solve(np.stack([*middle, line]))
+        misses = []
+        for curvature in _CURVATURES:
+            span = Range(low, high, curvature)
+            ends = stretch(np.array([low, high]), span, np)
+            x = (2.0 * stretch(line, span, np) - ends.sum()) / (ends[1] - ends[0])
+            basis = np.polynomial.chebyshev.chebvander(x, _TRIAL_DEGREE)
+            misses.append(np.max(np.abs(values - basis @ np.linalg.lstsq(basis, values, rcond=None)[0])))
+        return _CURVATURES[int(np.argmin(misses))]
+
+
+def _cosines(name: str, pair: tuple[float, float]) -> tuple[float, float]:
+    """(least, largest) cosine of a range of angles in degrees."""
+    low, high = (float(angle) for angle in pair)
+    if not 0.0 <= low <= high <= 90.0:
+        raise ValueError(f"angles of {name} are {low:g} to {high:g} degrees; give (least, largest) within 0 to 90")
+    # Exact at both ends, where rounding would leave 6e-17.
+    return (0.0 if high == 90.0 else float(np.cos(np.deg2rad(high)))), float(np.cos(np.deg2rad(low)))
+
+
+def _thickness_range(glaze: Glaze, thickness: Numbers | None, layer: int) -> tuple[float, float] | None:
+    """(least, largest) thickness in m, or None if it does not vary."""
+    if thickness is None:
+        return None
+    if not 0 <= layer < len(glaze.layers):
+        raise ValueError(f"layer is {layer}, but the glaze has {len(glaze.layers)} layers, the top one is number 0")
+    values = concrete(thickness)
+    if values is None or values.size == 0:
+        raise ValueError("thickness must be known numbers: the thicknesses of the scene, in metres")
+    Layer(glaze.layers[layer].medium, values)  # refuses what is negative, not finite or not in metres
+    low, high = float(values.min()), float(values.max())
+    if high > low:
+        return low, high
+    some = max(1e-3 * low, 1e-9)
+    return (low, low + some) if low + some <= MAX_THICKNESS else (low - some, low)

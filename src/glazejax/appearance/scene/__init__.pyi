@@ -1,0 +1,17 @@
+from .lights import Light as Light
+from .lights import ParallelLight as ParallelLight
+from .lights import PointLight as PointLight
+from .lights import lamp as lamp
+from .lights import measured_lamp as measured_lamp
+from .materials import Conductor as Conductor
+from .materials import Glazed as Glazed
+from .materials import Lambert as Lambert
+from .materials import Material as Material
+from .materials import Phong as Phong
+from .scene import Camera as Camera
+from .scene import Scene as Scene
+from .shapes import Box as Box
+from .shapes import Mesh as Mesh
+from .shapes import Plane as Plane
+from .shapes import Shape as Shape
+from .shapes import Sphere as Sphere

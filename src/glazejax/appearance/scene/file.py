@@ -1,0 +1,226 @@
+"""Scene files: a small TOML format, read with one clear error for whatever is wrong.
+
+A file has the tables ``[picture]``, ``[camera]`` and any number of ``[lights.NAME]``, ``[materials.NAME]`` and
+``[objects.NAME]``; ``glazejax scene --example`` prints one with everything in it. Names of other files are relative
+to the scene file.
+"""
+
+import tomllib
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from ...spectra import describe_grid, validate_wavelengths
+from .file_materials import read_material, read_reflectance
+from .file_table import Table
+from .lights import Light, ParallelLight, PointLight, lamp, measured_lamp
+from .scene import Camera, Scene
+from .shapes import Box, Plane, Shape, Sphere
+
+_DEFAULT_WAVELENGTHS = "400:700:10"
+
+
+@dataclass(frozen=True)
+class SceneFile:
+    """A scene and how its file wants it to be shown.
+
+    Attributes:
+        scene: the scene.
+        white: spectrum of the light that the eye is adapted to, (bands,).
+        display: name of a display, see `glazejax.appearance.display.display.PRESETS`.
+        gamut: what becomes of colours it cannot show, see `Display.to_rgb`.
+        exposure: factor of all colours.
+        tolerance: absolute error wanted of a glaze's reflectance factor.
+    """
+
+    scene: Scene
+    white: Float[np.ndarray, "bands"]
+    display: str
+    gamut: str
+    exposure: float
+    tolerance: float
+
+
+def example() -> str:
+    """Text of a scene file that shows the format."""
+    return (files("glazejax.appearance.scene") / "example.toml").read_text(encoding="utf-8")
+
+
+def read_scene(path: str | Path) -> SceneFile:
+    """Read a scene file.
+
+    Raises:
+        FileNotFoundError: no such file, or one that it names.
+        ValueError: anything wrong in it; the message names the table, the key, the value and what would do.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise FileNotFoundError(f"there is no scene file {path}; glazejax scene --example prints one to start from")
+    try:
+        content = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ValueError(f"{path}: not a legal TOML file: {error}") from None
+    return _scene(Table(path.name, "", content), path.parent)
+
+
+def _scene(root: Table, folder: Path) -> SceneFile:
+    picture = root.table("picture", {})
+    grid = _wavelengths(picture)
+    lights = {name: _light(table, grid, folder) for name, table in root.tables("lights").items()}
+    materials = {name: read_material(table, grid, folder) for name, table in root.tables("materials").items()}
+    shapes = [_shape(table, list(materials), folder) for table in root.tables("objects").values()]
+    camera = root.table("camera")
+    sizes = {key: picture.whole(key, default) for key, default in _SIZES.items()}
+    background = _background(picture, grid, lights, folder)
+    white = _white(picture, grid, lights)
+    display = picture.text("display", "sRGB")
+    with picture.blamed("display"):
+        from ..display.display import Display
+
+        Display.preset(display)
+    gamut = picture.choice("gamut", ("desaturate", "clip", "dim"), "desaturate")
+    exposure, tolerance = picture.above_zero("exposure", 1.0), picture.above_zero("tolerance", 1e-3)
+    view = _build(
+        camera,
+        Camera,
+        position=camera.vector("position"),
+        target=camera.vector("target", (0.0, 0.0, 0.0)),
+        up=camera.vector("up", (0.0, 0.0, 1.0)),
+        field_of_view=camera.above_zero("field_of_view", 40.0),
+    )
+    for table in (picture, camera, root):
+        table.done()
+    scene = _build(
+        root,
+        Scene,
+        wavelengths=grid,
+        shapes=shapes,
+        materials=materials,
+        lights=list(lights.values()),
+        camera=view,
+        background=background,
+        **sizes,
+    )
+    return SceneFile(scene, white, display, gamut, exposure, tolerance)
+
+
+_SIZES = {"width": 640, "height": 480, "antialias": 4, "bounces": 3}
+
+
+def _build(table: Table, kind: Callable[..., Any], **values: Any) -> Any:
+    """Make a thing; what it refuses is said to be in this table."""
+    with table.blamed():
+        return kind(**values)
+
+
+def _wavelengths(picture: Table) -> Float[np.ndarray, "bands"]:
+    """Bands of the scene: FROM:TO:STEP in nm, both ends included."""
+    text = picture.text("wavelengths", _DEFAULT_WAVELENGTHS)
+    with picture.blamed("wavelengths"):
+        try:
+            start, end, step = (float(part) for part in text.split(":"))
+        except ValueError:
+            raise ValueError(f"{text!r} is not FROM:TO:STEP in nm, such as {_DEFAULT_WAVELENGTHS}") from None
+        if not (0 < start < end < 1e5 and 0.5 <= step <= end - start):
+            raise ValueError(f"{text!r}: FROM must be below TO, and STEP from 0.5 nm up to their distance")
+        count = (end - start) / step
+        if abs(count - round(count)) > 1e-6:
+            raise ValueError(f"{text!r}: steps of {step:g} nm do not meet {end:g} nm")
+        grid = validate_wavelengths(start + step * np.arange(round(count) + 1))
+        from ...colour import colour_weights
+
+        colour_weights(grid, "E")
+    return grid
+
+
+def _light(table: Table, grid: np.ndarray, folder: Path) -> Light:
+    strength = table.above_zero("strength", 1.0)
+    name, file = table.text("illuminant", ""), table.text("spectrum", "")
+    if bool(name) == bool(file):
+        raise table.error("illuminant", 'give either illuminant = "D65" or spectrum = "lamp.csv"')
+    with table.blamed("illuminant" if name else "spectrum"):
+        spectrum = lamp(name, grid, strength) if name else measured_lamp(folder / file, grid, strength)
+    place, way = table.vector("position", None), table.vector("direction", None)
+    if (place is None) == (way is None):
+        raise table.error("position", "give either position, of a point light, or direction, the way the light travels")
+    table.done()
+    if place is not None:
+        return _build(table, PointLight, position=place, spectrum=spectrum)
+    return _build(table, ParallelLight, direction=way, spectrum=spectrum)
+
+
+def _background(picture: Table, grid: np.ndarray, lights: dict[str, Light], folder: Path) -> np.ndarray:
+    """Light of the surroundings: a reflectance, under the first light."""
+    reflectance = read_reflectance(picture, "background", grid, folder, default=0.0)
+    first = next(iter(lights.values()))
+    spectrum = np.asarray(first.spectrum, float)
+    # As bright as white under luminance 1, whatever the strength or distance of the lamp.
+    from ...colour import colour_weights
+
+    return np.asarray(reflectance) * spectrum / float(spectrum @ colour_weights(grid, "E")[:, 1])
+
+
+def _white(picture: Table, grid: np.ndarray, lights: dict[str, Light]) -> np.ndarray:
+    """Spectrum of the white that the eye is adapted to: a light of the scene, or an illuminant."""
+    name = picture.text("white", next(iter(lights)))
+    if name in lights:
+        return np.asarray(lights[name].spectrum, float)
+    with picture.blamed("white"):
+        try:
+            return lamp(name, grid)
+        except ValueError as error:
+            raise ValueError(f"{name!r} is none of the lights ({', '.join(lights)}), and {error}") from None
+
+
+def _shape(table: Table, materials: list[str], folder: Path) -> Shape:
+    kind = table.choice("shape", ("sphere", "plane", "box", "mesh"))
+    material = table.choice("material", materials)
+    if kind == "sphere":
+        values = {"centre": table.vector("centre"), "radius": table.above_zero("radius")}
+        maker: Callable[..., Shape] = Sphere
+    elif kind == "plane":
+        values = {
+            "point": table.vector("centre"),
+            "normal": table.vector("normal"),
+            "size": table.numbers("size", 2, None),
+            "up": table.vector("up", (0.0, 0.0, 1.0)),
+        }
+        maker = Plane
+    elif kind == "box":
+        values = {
+            "centre": table.vector("centre"),
+            "size": table.vector("size"),
+            "rotation": table.vector("rotation", (0.0, 0.0, 0.0)),
+        }
+        maker = Box
+    else:
+        from .mesh import read_mesh
+
+        values = {
+            "path": folder / table.text("file"),
+            "size": table.above_zero("size", None),
+            "centre": table.vector("centre", None),
+            "turn": table.vector("rotation", (0.0, 0.0, 0.0)),
+            "smooth": table.flag("smooth", True),
+        }
+        maker = read_mesh
+    table.done()
+    return _build(table, maker, material=material, **values)
+
+
+def describe(found: SceneFile) -> str:
+    """One line: what is in it."""
+    scene = found.scene
+    parts = [
+        f"{len(scene.shapes)} objects",
+        f"{len(scene.materials)} materials",
+        f"{len(scene.lights)} lights",
+        f"{scene.width} x {scene.height} pixels",
+        describe_grid(np.asarray(scene.wavelengths)),
+    ]
+    return ", ".join(parts)

@@ -1,0 +1,150 @@
+"""Materials of scene files: plain reflectances, metals, and glazes with their thickness maps."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from ...paint.describe import format_length, make_media, name_paints, parse_layers
+from ...paint.media import MAX_THICKNESS, Glaze, Layer
+from ...spectra import describe_grid, resample
+from ..metals import metal
+from .file_table import Table
+from .materials import Conductor, Glazed, Lambert, Material, Phong
+
+_KINDS = ("lambert", "phong", "metal", "glaze")
+# The built-in map: from 0 on the left to 1 on the right, between which it is interpolated.
+_WEDGE = np.linspace(0.0, 1.0, 1024)[None]
+
+
+def read_material(table: Table, grid: Float[np.ndarray, "bands"], folder: Path) -> Material:
+    """One material of a scene file.
+
+    Raises:
+        ValueError, FileNotFoundError: names the table and the key.
+    """
+    kind = table.choice("kind", _KINDS)
+    if kind == "lambert":
+        material: Material = Lambert(read_reflectance(table, "reflectance", grid, folder))
+    elif kind == "phong":
+        material = Phong(
+            read_reflectance(table, "reflectance", grid, folder),
+            table.above_zero("highlight", 0.3),
+            table.above_zero("exponent", 40.0),
+        )
+    elif kind == "metal":
+        with table.blamed("metal"):
+            found = metal(table.text("metal"), grid)
+        roughness = table.number("roughness", 0.0)
+        with table.blamed():
+            material = Conductor(found.refractive_index, found.extinction, roughness)
+    else:
+        material = _glaze(table, grid, folder)
+    table.done()
+    return material
+
+
+def _glaze(table: Table, grid: np.ndarray, folder: Path) -> Glazed:
+    from ... import catalogue
+
+    text = table.text("layers")
+    shelf: Any = catalogue.load()
+    own = table.text("pigments", "")
+    with table.blamed("pigments"):
+        if own:
+            from ...paint.pigment_table import read_pigments
+
+            shelf = {**shelf, **read_pigments(folder / own)}
+    with table.blamed("layers"):
+        coats = name_paints(parse_layers(text), shelf)
+        media = [medium.resample(grid) for medium in make_media(coats, shelf)]
+    ground = read_reflectance(table, "substrate", grid, folder, default=0.9)
+    index = table.number("refractive_index", 1.5)
+    with table.blamed():
+        layers = [Layer(medium, coat.total) for medium, coat in zip(media, coats, strict=True)]
+        glaze = Glaze(layers, ground, index)
+    gloss = table.flag("gloss", True)
+    thickness, layer = _thickness(table, len(layers), folder)
+    return Glazed(glaze, thickness, layer, gloss)
+
+
+def _thickness(table: Table, layers: int, folder: Path) -> tuple[np.ndarray | None, int]:
+    """Map of a layer's thickness, m, and which layer it is, counted from 0."""
+    file = table.text("thickness_map", "")
+    layer = table.whole("thickness_layer", 1)
+    span = table.raw("thickness_range", None)
+    if not file:
+        if span is not None:
+            raise table.error("thickness_range", "has no meaning without thickness_map, a grey picture")
+        return None, 0
+    if not 1 <= layer <= layers:
+        raise table.error("thickness_layer", f"is {layer}, but there are {layers} layers, the top one is 1")
+    if not isinstance(span, list) or len(span) != 2 or not all(isinstance(part, str) for part in span):
+        raise table.error("thickness_range", f'must be the thickness of black and white, ["0um", "20um"], not {span!r}')
+    ends = []
+    for part in span:
+        with table.blamed("thickness_range"):
+            ends.append(parse_layers(f"paint:{part}")[0].thickness)
+    with table.blamed("thickness_map"):
+        grey = _WEDGE if file == "wedge" else read_grey(folder / file)
+    found = ends[0] + (ends[1] - ends[0]) * grey
+    if found.max() > MAX_THICKNESS:
+        raise table.error("thickness_range", f"reaches {format_length(float(found.max()))}")
+    return found, layer - 1
+
+
+def read_grey(path: Path) -> Float[np.ndarray, "h w"]:
+    """A map from 0 to 1: a grey PNG (colours are averaged, no gamma is undone), or an .npy array as it is.
+
+    Raises:
+        FileNotFoundError: no such file.
+        ValueError: it is no picture, or an array of something else.
+    """
+    if not path.is_file():
+        raise FileNotFoundError(f"there is no file {path}")
+    if path.suffix.lower() == ".npy":
+        values = np.load(path)
+        if values.ndim != 2 or not np.issubdtype(values.dtype, np.number) or not np.all(np.isfinite(values)):
+            raise ValueError(f"{path} must hold finite numbers (h, w), not {values.dtype} {values.shape}")
+        if values.min() < 0 or values.max() > 1:
+            raise ValueError(f"{path} must hold 0 to 1, not {values.min():g} to {values.max():g}")
+        return values.astype(float)
+    from matplotlib.image import imread
+
+    try:
+        picture = np.asarray(imread(path))
+    except Exception as error:  # Pillow raises many kinds
+        raise ValueError(f"{path} is not a picture that can be read ({type(error).__name__})") from None
+    picture = picture / 255.0 if picture.dtype == np.uint8 else picture.astype(float)
+    return picture if picture.ndim == 2 else picture[..., :3].mean(axis=-1)
+
+
+def read_reflectance(
+    table: Table, key: str, grid: Float[np.ndarray, "bands"], folder: Path, *, default: Any = ...
+) -> float | Float[np.ndarray, "bands"]:
+    """A reflectance: one number, or FILE or FILE:SAMPLE, any format that `glazejax.io` reads.
+
+    Raises:
+        ValueError, FileNotFoundError: names the table and the key.
+    """
+    value = table.raw(key) if default is ... else table.raw(key, default)
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        if not 0 <= value <= 1:
+            hint = f"; {value:g} percent is {value / 100:g}" if 1 < value <= 100 else ""
+            raise table.error(key, f"must lie between 0 and 1, not {value:g}{hint}")
+        return float(value)
+    if not isinstance(value, str):
+        raise table.error(key, f'must be a number from 0 to 1, or a file "FILE.csv:SAMPLE", not {value!r}')
+    with table.blamed(key):
+        return _measured(value, grid, folder)
+
+
+def _measured(text: str, grid: np.ndarray, folder: Path) -> Float[np.ndarray, "bands"]:
+    from ...io import read_sample
+
+    found = read_sample(text, folder=folder)
+    own = found.wavelengths
+    if own[0] > grid[0] + 1e-6 or own[-1] < grid[-1] - 1e-6:
+        raise ValueError(f"{text} is known at {describe_grid(own)} only, but the scene has {describe_grid(grid)}")
+    return np.clip(np.asarray(resample(own, found.reflectance[0], grid), float), 0.0, 1.0)

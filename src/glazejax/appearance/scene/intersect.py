@@ -1,0 +1,274 @@
+"""Where rays meet spheres, planes, boxes and triangles, and what the surface is like there.
+
+All rays at once against every sphere, plane and box; triangles through a tree (`raycast_mesh`). Everything is arrays,
+so that a scene of the same make-up runs the same compiled program.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from ...spectra import Numbers
+from .triangles import (
+    Triangles,
+    make_triangles,
+    nearest_triangle,
+    triangle_surface,
+)
+
+if TYPE_CHECKING:
+    from .shapes import Plane, Shape
+
+# A shape so much smaller than the scene is met by a ray that leaves it, by rounding.
+_CLEARANCE = 1e-7
+_CLEARANCE_SINGLE = 1e-4
+
+
+class Geometry(NamedTuple):
+    """Shapes as arrays, kind by kind: first all spheres, then planes, boxes and meshes."""
+
+    centres: Float[np.ndarray, "spheres 3"]
+    radii: Float[np.ndarray, "spheres"]
+    points: Float[np.ndarray, "planes 3"]
+    frames: Float[np.ndarray, "planes 3 3"]
+    """Rows: along the width, along the height, normal."""
+    halves: Float[np.ndarray, "planes 2"]
+    """Half of width and height; infinite where the plane is endless."""
+    middles: Float[np.ndarray, "boxes 3"]
+    sides: Float[np.ndarray, "boxes 3"]
+    """Half the length of each side."""
+    turns: Float[np.ndarray, "boxes 3 3"]
+    """Rows: the box's own axes."""
+    triangles: Triangles | None
+    material: Int[np.ndarray, "shapes"]
+    """Number of the material of each shape, in the order of the kinds."""
+    order: Int[np.ndarray, "shapes"]
+    """Number of each shape in the scene."""
+    clearance: Float[np.ndarray, ""]
+    """How far from a surface a new ray starts."""
+
+
+class Hit(NamedTuple):
+    """The nearest surface of each ray."""
+
+    distance: Float[Array, "rays"]
+    """Infinite where the ray meets nothing."""
+    shape: Int[Array, "rays"]
+    """Number in the order of `Geometry`; -1 where the ray meets nothing."""
+    part: Int[Array, "rays"]
+    """Number of the triangle of a mesh; 0 for other shapes."""
+
+
+class Surface(NamedTuple):
+    """What a ray meets."""
+
+    normal: Float[Array, "rays 3"]
+    """Unit normal on the side of the ray, smooth where a mesh has normals."""
+    face: Float[Array, "rays 3"]
+    """The same of the true face."""
+    uv: Float[Array, "rays 2"]
+
+
+def make_geometry(shapes: "Sequence[Shape]", materials: Mapping[str, int]) -> Geometry:
+    """Arrays of shapes.
+
+    Args:
+        shapes: of a scene.
+        materials: number of each material.
+    """
+    from .shapes import Box, Mesh, Plane, Sphere
+
+    spheres = [shape for shape in shapes if isinstance(shape, Sphere)]
+    planes = [shape for shape in shapes if isinstance(shape, Plane)]
+    boxes = [shape for shape in shapes if isinstance(shape, Box)]
+    meshes = [shape for shape in shapes if isinstance(shape, Mesh)]
+    order = [k for kind in (Sphere, Plane, Box, Mesh) for k, shape in enumerate(shapes) if isinstance(shape, kind)]
+    before = len(order) - len(meshes)
+    ends = np.concatenate(
+        [np.zeros((1, 3))]
+        + [np.asarray(s.centre, float) + sign * s.radius for s in spheres for sign in (-1, 1)]
+        + [np.asarray(p.point, float) for p in planes]
+        + [np.asarray(b.centre, float) + sign * np.asarray(b.size, float) for b in boxes for sign in (-1, 1)]
+        + [np.asarray(m.vertices, float) for m in meshes],
+        axis=None,
+    )
+    single = jnp.result_type(float) == jnp.float32
+    return Geometry(
+        _rows([s.centre for s in spheres], 3),
+        np.array([s.radius for s in spheres], float),
+        _rows([p.point for p in planes], 3),
+        np.array([plane_frame(p) for p in planes]).reshape(-1, 3, 3),
+        np.array([(np.inf, np.inf) if p.size is None else np.array(p.size) / 2 for p in planes]).reshape(-1, 2),
+        _rows([b.centre for b in boxes], 3),
+        _rows([b.size for b in boxes], 3) / 2,
+        np.array([rotation(b.rotation).T for b in boxes]).reshape(-1, 3, 3),
+        make_triangles(meshes, before) if meshes else None,
+        np.array([materials[shapes[k].material] for k in order]),
+        np.array(order),
+        np.array((_CLEARANCE_SINGLE if single else _CLEARANCE) * max(1.0, float(np.abs(ends).max()))),
+    )
+
+
+def _rows(values: list, width: int) -> np.ndarray:
+    return np.array(values, float).reshape(-1, width)
+
+
+def plane_frame(plane: "Plane") -> np.ndarray:
+    """Unit vectors along the width, along the height, and the normal, in rows."""
+    normal = np.asarray(plane.normal, float) / np.linalg.norm(np.asarray(plane.normal, float))
+    for guide in (np.asarray(plane.up, float), np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])):
+        height = guide - (guide @ normal) * normal
+        if np.linalg.norm(height) > 1e-6 * np.linalg.norm(guide):
+            break
+    height /= np.linalg.norm(height)
+    return np.stack([np.cross(height, normal), height, normal])
+
+
+def rotation(degrees: Numbers) -> Float[np.ndarray, "3 3"]:
+    """Matrix of rotations about x, then y, then z; it turns column vectors."""
+    total = np.eye(3)
+    for axis, angle in enumerate(np.deg2rad(np.asarray(degrees, float))):
+        a, b = [k for k in range(3) if k != axis]
+        turn = np.eye(3)
+        turn[a, a] = turn[b, b] = np.cos(angle)
+        # From the axis after this one towards the one after that.
+        sign = -1.0 if axis != 1 else 1.0
+        turn[a, b], turn[b, a] = sign * np.sin(angle), -sign * np.sin(angle)
+        total = turn @ total
+    return total
+
+
+def nearest(
+    geometry: Geometry,
+    origin: Float[Array, "rays 3"],
+    direction: Float[Array, "rays 3"],
+    limit: Float[Array, "rays"] | None = None,
+) -> Hit:
+    """The nearest surface that each ray meets.
+
+    Args:
+        geometry: shapes.
+        origin, direction: of the rays, (rays, 3); directions of length 1.
+        limit: (rays,), the distance up to which to look; endless if left out. A ray whose limit is not above 0 meets
+            nothing.
+    """
+    rays = origin.shape[0]
+    best = jnp.full(rays, jnp.inf, origin.dtype) if limit is None else limit
+    shape, part = jnp.full(rays, -1), jnp.zeros(rays, jnp.int32)
+    before = 0
+    for distances in (_spheres, _planes, _boxes):
+        met = distances(geometry, origin, direction)
+        if met is None:
+            continue
+        which = jnp.argmin(met, axis=1)
+        near = jnp.take_along_axis(met, which[:, None], axis=1)[:, 0]
+        shape = jnp.where(near < best, before + which, shape)
+        best = jnp.minimum(near, best)
+        before += met.shape[1]
+    if geometry.triangles is not None:
+        near, triangle = nearest_triangle(geometry.triangles, origin, direction, best)
+        closer = triangle >= 0
+        part = jnp.where(closer, triangle, part)
+        shape = jnp.where(closer, jnp.asarray(geometry.triangles.shape)[part], shape)
+        best = near
+    return Hit(jnp.where(shape < 0, jnp.inf, best), shape, part)
+
+
+def _spheres(geometry: Geometry, origin: Array, direction: Array) -> Array | None:
+    """Distances to spheres, (rays, spheres); infinite where missed."""
+    if len(geometry.radii) == 0:
+        return None
+    between = jnp.asarray(geometry.centres) - origin[:, None]
+    along = jnp.sum(between * direction[:, None], axis=-1)
+    # The distance of the ray from the centre, rather than a difference of large squares.
+    aside = between - along[..., None] * direction[:, None]
+    inside = jnp.asarray(geometry.radii) ** 2 - jnp.sum(aside**2, axis=-1)
+    half = jnp.sqrt(jnp.maximum(inside, 0.0))
+    first, second = along - half, along + half
+    met = jnp.where(first > 0, first, second)
+    return jnp.where((inside >= 0) & (met > 0), met, jnp.inf)
+
+
+def _planes(geometry: Geometry, origin: Array, direction: Array) -> Array | None:
+    """Distances to planes, (rays, planes); infinite where missed."""
+    if len(geometry.points) == 0:
+        return None
+    frames = jnp.asarray(geometry.frames)
+    offset = jnp.einsum("rpk,pak->rpa", origin[:, None] - jnp.asarray(geometry.points), frames)
+    slope = jnp.einsum("rk,pak->rpa", direction, frames)
+    parallel = slope[..., 2] == 0
+    met = jnp.where(parallel, -1.0, -offset[..., 2] / jnp.where(parallel, 1.0, slope[..., 2]))
+    place = jnp.abs(offset[..., :2] + met[..., None] * slope[..., :2])
+    return jnp.where((met > 0) & jnp.all(place <= jnp.asarray(geometry.halves), axis=-1), met, jnp.inf)
+
+
+def _boxes(geometry: Geometry, origin: Array, direction: Array) -> Array | None:
+    """Distances to boxes, (rays, boxes); infinite where missed."""
+    if len(geometry.sides) == 0:
+        return None
+    turns = jnp.asarray(geometry.turns)
+    start = jnp.einsum("rbk,bak->rba", origin[:, None] - jnp.asarray(geometry.middles), turns)
+    slope = jnp.einsum("rk,bak->rba", direction, turns)
+    # A ray along a face gets a slope that is tiny but not zero, so that no 0/0 can arise.
+    slope = jnp.where(jnp.abs(slope) < 1e-30, 1e-30, slope)
+    low, high = (-jnp.asarray(geometry.sides) - start) / slope, (jnp.asarray(geometry.sides) - start) / slope
+    enter = jnp.max(jnp.minimum(low, high), axis=-1)
+    leave = jnp.min(jnp.maximum(low, high), axis=-1)
+    met = jnp.where(enter > 0, enter, leave)
+    return jnp.where((enter <= leave) & (met > 0), met, jnp.inf)
+
+
+def surface(geometry: Geometry, hit: Hit, origin: Array, direction: Array) -> Surface:
+    """Normals and texture coordinates of hits; meaningless where nothing is met."""
+    point = origin + jnp.where(jnp.isfinite(hit.distance), hit.distance, 0.0)[:, None] * direction
+    normal, uv = jnp.broadcast_to(-direction, point.shape), jnp.zeros((*point.shape[:1], 2), point.dtype)
+    face = normal
+    before = 0
+    for kind, count in (
+        (_sphere_surface, len(geometry.radii)),
+        (_plane_surface, len(geometry.points)),
+        (_box_surface, len(geometry.sides)),
+    ):
+        if count:
+            mine = ((hit.shape >= before) & (hit.shape < before + count))[:, None]
+            its_normal, its_uv = kind(geometry, point, jnp.clip(hit.shape - before, 0, count - 1))
+            normal, uv = jnp.where(mine, its_normal, normal), jnp.where(mine, its_uv, uv)
+            face = jnp.where(mine, its_normal, face)
+            before += count
+    if geometry.triangles is not None:
+        mine = (hit.shape >= before)[:, None]
+        its_normal, its_face, its_uv = triangle_surface(geometry.triangles, hit.part, point)
+        normal, uv = jnp.where(mine, its_normal, normal), jnp.where(mine, its_uv, uv)
+        face = jnp.where(mine, its_face, face)
+    face = jnp.where(jnp.sum(face * direction, axis=-1, keepdims=True) > 0, -face, face)
+    normal = jnp.where(jnp.sum(face * normal, axis=-1, keepdims=True) < 0, -normal, normal)
+    return Surface(normal, face, uv)
+
+
+def _sphere_surface(geometry: Geometry, point: Array, which: Array) -> tuple[Array, Array]:
+    normal = (point - jnp.asarray(geometry.centres)[which]) / jnp.asarray(geometry.radii)[which, None]
+    u = 0.5 + jnp.arctan2(normal[:, 1], normal[:, 0]) / (2 * jnp.pi)
+    v = 0.5 + jnp.arcsin(jnp.clip(normal[:, 2], -1.0, 1.0)) / jnp.pi
+    return normal, jnp.stack([u, v], axis=-1)
+
+
+def _plane_surface(geometry: Geometry, point: Array, which: Array) -> tuple[Array, Array]:
+    frame = jnp.asarray(geometry.frames)[which]
+    place = jnp.einsum("rk,rak->ra", point - jnp.asarray(geometry.points)[which], frame[:, :2])
+    half = jnp.asarray(geometry.halves)[which]
+    endless = ~jnp.isfinite(half)
+    return frame[:, 2], jnp.where(endless, place, 0.5 + 0.5 * place / jnp.where(endless, 1.0, half))
+
+
+def _box_surface(geometry: Geometry, point: Array, which: Array) -> tuple[Array, Array]:
+    turn = jnp.asarray(geometry.turns)[which]
+    place = jnp.einsum("rk,rak->ra", point - jnp.asarray(geometry.middles)[which], turn)
+    place = place / jnp.asarray(geometry.sides)[which]
+    axis = jnp.argmax(jnp.abs(place), axis=-1)
+    sign = jnp.sign(jnp.take_along_axis(place, axis[:, None], axis=1))
+    normal = sign * jnp.take_along_axis(turn, axis[:, None, None], axis=1)[:, 0]
+    others = jnp.asarray([[1, 2], [0, 2], [0, 1]])[axis]
+    return normal, 0.5 + 0.5 * jnp.take_along_axis(place, others, axis=1)

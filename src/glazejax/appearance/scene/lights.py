@@ -1,0 +1,132 @@
+"""Lights of a scene, and spectra of lamps: CIE illuminants through colour-science, and measured ones from files.
+
+A band gets the mean of the lamp around it (weighted by a triangle that reaches to the next bands), so that the narrow
+lines of a fluorescent lamp are not missed between two bands. All lamps are brought to luminance 1: a perfect white
+that faces a lamp of strength 1 has Y = 1.
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from ...colour import CIE_1931, colour_science, colour_weights, find_illuminant
+from ...spectra import Grid, Numbers, describe_grid, validate_wavelengths
+from .shapes import vector
+
+
+@dataclass(frozen=True)
+class ParallelLight:
+    """Light from afar.
+
+    Args:
+        direction: the way the light travels.
+        spectrum: (bands,), radiance of a perfect white that faces it; see `lamp` and `measured_lamp`.
+    """
+
+    direction: Numbers
+    spectrum: Numbers
+
+    def __post_init__(self):
+        vector("direction", self.direction, direction=True)
+
+
+@dataclass(frozen=True)
+class PointLight:
+    """Light from a point, weaker with the square of the distance.
+
+    Args:
+        position: where it is.
+        spectrum: (bands,), radiance of a perfect white that faces it one unit of length away.
+    """
+
+    position: Numbers
+    spectrum: Numbers
+
+    def __post_init__(self):
+        vector("position", self.position)
+
+
+Light = ParallelLight | PointLight
+
+
+def lamp(name: str, wavelengths: Grid, strength: float = 1.0) -> Float[np.ndarray, "bands"]:
+    """Spectrum of a CIE illuminant such as D65, A, FL2 or LED-B3.
+
+    Args:
+        name: see `glazejax.colour.find_illuminant`.
+        wavelengths: (bands,), nm.
+        strength: luminance of a perfect white that faces it.
+
+    Raises:
+        ValueError: an unknown name, bands beyond the lamp's table or a grid too coarse for colour.
+    """
+    full = find_illuminant(name)
+    table = colour_science().SDS_ILLUMINANTS[full]
+    return lamp_on_bands(table.wavelengths, table.values, wavelengths, strength, words=f"the illuminant {full}")
+
+
+def measured_lamp(text: str | Path, wavelengths: Grid, strength: float = 1.0) -> Float[np.ndarray, "bands"]:
+    """Spectrum of a lamp from a table: wavelengths in the first column, a lamp in each other one, names on top.
+
+    Args:
+        text: FILE.csv, or FILE.csv:NAME where it holds several. Any unit of power; the scale does not matter.
+        wavelengths, strength: as for `lamp`.
+
+    Raises:
+        FileNotFoundError: no such file.
+        ValueError: it is no such table, the name is not in it, or it does not cover the bands.
+    """
+    from ...io.sample import split_sample
+
+    path, name = split_sample(str(text))
+    if not path.is_file():
+        raise FileNotFoundError(f"there is no file {path} with the spectrum of a lamp")
+    try:
+        found = colour_science().read_sds_from_csv_file(str(path))
+    except Exception as error:  # colour-science raises whatever NumPy does
+        raise ValueError(f"{path}: not a table of wavelengths and lamps ({error})") from None
+    if not name and len(found) > 1:
+        raise ValueError(f"{path} holds {len(found)} lamps: choose one, as {path}:{next(iter(found))}")
+    if name and name not in found:
+        raise ValueError(f"{path} holds no lamp {name!r}; there are {', '.join(list(found)[:6])}")
+    table = found[name or next(iter(found))]
+    return lamp_on_bands(table.wavelengths, table.values, wavelengths, strength, words=f"the lamp in {path}")
+
+
+def lamp_on_bands(
+    own: Float[np.ndarray, "samples"],
+    values: Float[np.ndarray, "samples"],
+    wavelengths: Grid,
+    strength: float = 1.0,
+    *,
+    words: str = "the lamp",
+) -> Float[np.ndarray, "bands"]:
+    """Mean power of a lamp around each band, scaled to a luminance.
+
+    Args:
+        own, values: the lamp's own table, nm and any unit of power.
+        wavelengths: (bands,), nm.
+        strength: luminance of a perfect white that faces it, by the CIE 1931 observer.
+        words: what the errors call it.
+
+    Raises:
+        ValueError: the table does not cover the bands, or holds negative or no power.
+    """
+    own, values = np.asarray(own, float), np.asarray(values, float)
+    grid = validate_wavelengths(wavelengths)
+    if own[0] > grid[0] or own[-1] < grid[-1]:
+        raise ValueError(f"{words} is known at {describe_grid(own)} only, but the scene has {describe_grid(grid)}")
+    if not np.all(values >= 0) or not np.any(values > 0):
+        raise ValueError(f"{words} must have power above 0 and nowhere below, not {values.min():g}")
+    steps = np.diff(grid) if grid.size > 1 else np.array([1.0])
+    # The outermost bands reach outwards as far as inwards; there the lamp's last value is repeated if need be.
+    outer = np.concatenate([[grid[0] - steps[0]], grid, [grid[-1] + steps[-1]]])
+    # 1 nm is fine enough for every table of lamps there is.
+    fine = np.arange(np.floor(outer[0]), np.ceil(outer[-1]) + 1.0)
+    power = np.interp(fine, own, values)
+    hats = np.stack([np.interp(fine, outer[k : k + 3], [0.0, 1.0, 0.0], 0.0, 0.0) for k in range(grid.size)])
+    bands = (hats @ power) / hats.sum(axis=1)
+    luminance = float(bands @ colour_weights(grid, "E", CIE_1931)[:, 1])
+    return strength * bands / luminance

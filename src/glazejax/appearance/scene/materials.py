@@ -1,0 +1,316 @@
+"""Materials of a scene, and how each answers to one light at one point.
+
+A material says what light does to it in two functions: ``direct``, what a light sends to the eye, for pairs of points
+and lights, and ``mirror``, what a mirror reflection carries. All of them are equinox modules, hence pytrees: a
+picture can be differentiated by their spectra.
+"""
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from ...paint.media import Glaze, Layer
+from ...radiative.common.fresnel import conductor_reflectance
+from ...spectra import Grid, Numbers, as_float_array, concrete, describe_grid, same_grid
+from .. import shading
+from ..glaze.solve import on_grid
+from ..glaze.table import GlazeTable, glaze_table
+
+# Degrees that a table reaches beyond the angles seen.
+_MARGIN = 0.05
+
+
+class Angles(eqx.Module):
+    """Cosines of pairs of a point and a light, (pairs,) each, and thicknesses at the points."""
+
+    light: Float[Array, "pairs"]
+    """N.L"""
+    view: Float[Array, "pairs"]
+    """N.V"""
+    between: Float[Array, "pairs"]
+    """V.L"""
+    thickness: Float[Array, "pairs"]
+    """m; 0 where the material has no map."""
+
+
+class Seen(eqx.Module):
+    """What of a material a scene shows: ranges of cosines and thicknesses."""
+
+    light: tuple[float, float]
+    view: tuple[float, float]
+    thickness: tuple[float, float]
+
+
+class Material(eqx.Module):
+    """What all materials have in common."""
+
+    def check(self, name: str, wavelengths: Float[np.ndarray, "bands"]) -> None:
+        """Refuse spectra that do not fit the scene.
+
+        Raises:
+            ValueError: names the material and the value.
+        """
+        for what, spectrum in self.spectra().items():
+            if np.shape(spectrum) not in ((), wavelengths.shape):
+                raise ValueError(
+                    f"{what} of material {name!r} has shape {np.shape(spectrum)}, but the scene has "
+                    f"{describe_grid(wavelengths)}"
+                )
+            known = concrete(spectrum)
+            if known is not None and not np.all((known >= 0) & np.isfinite(known)):
+                raise ValueError(f"{what} of material {name!r} holds {float(np.min(known)):g}; it must be 0 or more")
+
+    def spectra(self) -> dict[str, Numbers]:
+        """Spectra by name, (bands,) or one number each."""
+        raise NotImplementedError
+
+    def only_bands(self, keep: Bool[np.ndarray, "bands"], bands: int) -> "Material":
+        """The same material with the bands where `keep` is true."""
+        chosen = np.flatnonzero(keep)
+
+        def part(leaf):
+            return leaf[chosen] if eqx.is_array(leaf) and leaf.shape == (bands,) else leaf
+
+        return eqx.tree_at(lambda m: list(m.spectra().values()), self, [part(s) for s in self.spectra().values()])
+
+    def prepare(self, wavelengths: Float[np.ndarray, "bands"], seen: Seen, tolerance: float) -> "Material":
+        """What `direct` and `mirror` are asked of; most materials are ready as they are."""
+        return self
+
+    @property
+    def thickness_map(self) -> Float[Array | np.ndarray, "h w"] | None:
+        """Thickness in m over the texture coordinates, first row on top; None if there is none."""
+        return None
+
+    @property
+    def is_mirror(self) -> bool:
+        """Whether other things are seen in it."""
+        return False
+
+    def direct(self, angles: Angles) -> Float[Array, "pairs bands"]:
+        """What of a light's spectrum reaches the eye, the cosine of its fall included."""
+        raise NotImplementedError
+
+    def mirror(self, cos_view: Float[Array, "points"]) -> Float[Array, "points bands"]:
+        """What of the light from the mirror direction reaches the eye."""
+        raise NotImplementedError
+
+
+class Lambert(Material):
+    """Perfectly diffuse.
+
+    Args:
+        reflectance: (bands,) or one number.
+    """
+
+    reflectance: Float[Array, "..."] = eqx.field(converter=as_float_array)
+
+    def spectra(self) -> dict[str, Numbers]:
+        """Its reflectance."""
+        return {"reflectance": self.reflectance}
+
+    def direct(self, angles: Angles) -> Float[Array, "pairs bands"]:
+        """Source: paper B, first term of (4)."""
+        return shading.lambert(self.reflectance, angles.light)
+
+
+class Phong(Material):
+    """A diffuse body with a highlight of the colour of the light.
+
+    Args:
+        body: diffuse reflectance, (bands,) or one number.
+        specular: strength of the highlight.
+        exponent: its sharpness.
+    """
+
+    body: Float[Array, "..."] = eqx.field(converter=as_float_array)
+    specular: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.3)
+    exponent: Float[Array, ""] = eqx.field(converter=as_float_array, default=40.0)
+
+    def spectra(self) -> dict[str, Numbers]:
+        """The body's reflectance."""
+        return {"body": self.body}
+
+    def check(self, name: str, wavelengths: Float[np.ndarray, "bands"]) -> None:
+        """Refuse spectra that do not fit the scene, and highlights below nothing.
+
+        Raises:
+            ValueError: names the material and the value.
+        """
+        super().check(name, wavelengths)
+        for what, value in (("specular", self.specular), ("exponent", self.exponent)):
+            known = concrete(value)
+            if known is not None and (known.ndim or not 0 <= known < np.inf):
+                raise ValueError(f"{what} of material {name!r} is {known}; it must be one number, 0 or more")
+
+    def direct(self, angles: Angles) -> Float[Array, "pairs bands"]:
+        """Source: paper B, (4) and (24)."""
+        # R_v = 2 (N.V) N - V.
+        mirrored = 2.0 * angles.view * angles.light - angles.between
+        return shading.phong(self.body, 1.0, angles.light, mirrored, specular=self.specular, exponent=self.exponent)
+
+
+class Conductor(Material):
+    """A metal: polished, a mirror of its Fresnel reflectance, or rough, after Torrance and Sparrow.
+
+    Args:
+        refractive_index, extinction: n and k, (bands,) or one number each.
+        roughness: angle beta in degrees at which half of the facets are left (paper B, (7)); 0 for polished.
+    """
+
+    refractive_index: Float[Array, "..."] = eqx.field(converter=as_float_array)
+    extinction: Float[Array, "..."] = eqx.field(converter=as_float_array)
+    roughness: float = eqx.field(static=True, default=0.0)
+
+    def __check_init__(self):
+        if not 0 <= self.roughness < 60:
+            raise ValueError(f"roughness must be 0 (polished) to 60 degrees, not {self.roughness:g}")
+
+    def spectra(self) -> dict[str, Numbers]:
+        """Refractive index and extinction."""
+        return {"refractive_index": self.refractive_index, "extinction": self.extinction}
+
+    @property
+    def is_mirror(self) -> bool:
+        """Polished metal is."""
+        return self.roughness == 0
+
+    def mirror(self, cos_view: Float[Array, "points"]) -> Float[Array, "points bands"]:
+        """Fresnel reflectance. Source: paper B, (11)-(15)."""
+        cosine = jnp.clip(cos_view, 0.0, 1.0)[:, None]
+        return jnp.asarray(conductor_reflectance(cosine, self.refractive_index, self.extinction))
+
+    def direct(self, angles: Angles) -> Float[Array, "pairs bands"]:
+        """The glossy lobe of a rough metal; nothing of a polished one. Source: paper B, (5)-(8)."""
+        if self.is_mirror:
+            bands = jnp.broadcast_shapes(self.refractive_index.shape, self.extinction.shape)
+            return jnp.zeros((*angles.light.shape, *(bands or (1,))), angles.light.dtype)
+        # H is (V + L) / |V + L|, and |V + L|^2 = 2 + 2 V.L.
+        cos_facet = jnp.sqrt(jnp.clip(0.5 * (1.0 + angles.between), 1e-12, 1.0))
+        cos_half = (angles.view + angles.light) / (2.0 * cos_facet)
+        fresnel = conductor_reflectance(cos_facet[:, None], self.refractive_index, self.extinction)
+        width = float(np.deg2rad(self.roughness))
+        return shading.torrance_sparrow(
+            jnp.asarray(fresnel), 1.0, angles.light, angles.view, cos_half, cos_facet, width=width
+        )
+
+
+class Glazed(Material):
+    """Layers of paint on a ground, under one smooth surface, by the many-layer solver.
+
+    Args:
+        glaze: without batch axes.
+        thickness: (h, w), m, of one layer over the texture coordinates, first row on top; None if it is even.
+        layer: which layer that is, 0 for the top one.
+        gloss: whether the surface mirrors what is around.
+    """
+
+    glaze: Glaze
+    thickness: Float[Array | np.ndarray, "h w"] | None = None
+    layer: int = eqx.field(static=True, default=0)
+    gloss: bool = eqx.field(static=True, default=True)
+
+    def check(self, name: str, wavelengths: Float[np.ndarray, "bands"]) -> None:
+        """Refuse another grid, what no table can be made of, or a map that is none.
+
+        Raises:
+            ValueError: names the material and the value.
+        """
+        if self.glaze.layers and not same_grid(self.glaze.wavelengths, wavelengths):
+            raise ValueError(
+                f"the glaze of material {name!r} has {describe_grid(self.glaze.wavelengths)}, but the scene has "
+                f"{describe_grid(wavelengths)}: bring its paints there with .resample(wavelengths)"
+            )
+        try:
+            on_grid(self.glaze, wavelengths)
+        except ValueError as error:
+            raise ValueError(f"material {name!r}: {error}") from None
+        if self.thickness is None:
+            return
+        if not 0 <= self.layer < len(self.glaze.layers):
+            raise ValueError(f"material {name!r}: layer {self.layer} of a glaze of {len(self.glaze.layers)} layers")
+        if np.ndim(self.thickness) != 2:
+            raise ValueError(f"the thickness map of material {name!r} must be (h, w), not {np.shape(self.thickness)}")
+        Layer(self.glaze.layers[self.layer].medium, self.thickness)  # refuses what is negative or not in metres
+
+    def only_bands(self, keep: Bool[np.ndarray, "bands"], bands: int) -> "Glazed":
+        """The same material with the bands where `keep` is true."""
+        chosen = np.flatnonzero(keep)
+
+        def part(values):
+            return values[..., chosen] if jnp.ndim(values) and jnp.shape(values)[-1] == bands else values
+
+        glaze = self.glaze
+        if glaze.layers:
+            grid = glaze.wavelengths[chosen]
+            layers = [Layer(layer.medium.resample(grid), layer.thickness) for layer in glaze.layers]
+        else:
+            layers = []
+        glaze = Glaze(layers, part(glaze.substrate), part(glaze.refractive_index))
+        return Glazed(glaze, self.thickness, self.layer, self.gloss)
+
+    @property
+    def thickness_map(self) -> Float[Array | np.ndarray, "h w"] | None:
+        """Thickness in m over the texture coordinates."""
+        return self.thickness
+
+    @property
+    def is_mirror(self) -> bool:
+        """Under gloss it is."""
+        return self.gloss
+
+    def prepare(self, wavelengths: Float[np.ndarray, "bands"], seen: Seen, tolerance: float) -> "GlazedTable":
+        """Its reflectance factor as a table, for the angles and thicknesses that are seen."""
+        table = glaze_table(
+            self.glaze,
+            wavelengths,
+            angles=(_degrees(seen.light), _degrees(seen.view)),
+            thickness=None if self.thickness is None else np.array(seen.thickness),
+            layer=self.layer,
+            tolerance=tolerance,
+        )
+        # Arrays all of them: plain numbers would be constants of a program compiled for this glaze alone.
+        return GlazedTable(jax.tree.map(jnp.asarray, table), self.thickness, self.gloss)
+
+
+class GlazedTable(Material):
+    """A glaze whose reflectance factor is tabulated; made by `Glazed.prepare`."""
+
+    table: GlazeTable
+    thickness: Float[Array | np.ndarray, "h w"] | None
+    gloss: bool = eqx.field(static=True)
+
+    def spectra(self) -> dict[str, Numbers]:
+        """None that could be cut into bands any more."""
+        return {}
+
+    def check(self, name: str, wavelengths: Grid) -> None:
+        """Nothing is left to check."""
+
+    @property
+    def thickness_map(self) -> Float[Array | np.ndarray, "h w"] | None:
+        """Thickness in m over the texture coordinates."""
+        return self.thickness
+
+    @property
+    def is_mirror(self) -> bool:
+        """Under gloss it is."""
+        return self.gloss
+
+    def direct(self, angles: Angles) -> Float[Array, "pairs bands"]:
+        """Reflectance factor times the cosine of the fall."""
+        varies = self.table.thickness.shape[0] > 1
+        factor = self.table.reflectance_factor(angles.light, angles.view, angles.thickness if varies else None)
+        return shading.lambert(factor, angles.light)
+
+    def mirror(self, cos_view: Float[Array, "points"]) -> Float[Array, "points bands"]:
+        """Fresnel reflectance of the surface."""
+        return self.table.mirror(cos_view)
+
+
+def _degrees(cosines: tuple[float, float]) -> tuple[float, float]:
+    """Range of angles in degrees that holds a range of cosines, and never so narrow that rounding shows."""
+    low, high = np.rad2deg(np.arccos(np.clip(cosines, 0.0, 1.0))[::-1])
+    return max(float(low) - _MARGIN, 0.0), min(float(high) + _MARGIN, 90.0)

@@ -1,0 +1,69 @@
+"""Triangle meshes from files, read by trimesh: OBJ, PLY, STL, GLB, OFF and what else it knows."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+
+from .intersect import rotation
+from .shapes import Mesh
+
+
+def read_mesh(
+    path: str | Path,
+    material: str,
+    *,
+    size: float | None = None,
+    centre: Sequence[float] | None = None,
+    turn: Sequence[float] = (0.0, 0.0, 0.0),
+    smooth: bool = True,
+) -> Mesh:
+    """Read a mesh and put it in its place.
+
+    Args:
+        path: the file; its ending tells the format.
+        material: name of its material.
+        size: length of the longest side of its bounding box; as in the file if left out.
+        centre: where the middle of its bounding box comes to lie; as in the file if left out.
+        turn: degrees about x, then y, then z, before that.
+        smooth: hide the edges between faces by normals interpolated between vertices.
+
+    Raises:
+        FileNotFoundError: no such file.
+        ValueError: trimesh is not there, or the file holds no triangles.
+    """
+    path = Path(path)
+    if not path.is_file():
+        raise FileNotFoundError(f"there is no mesh {path}")
+    trimesh = _trimesh()
+    try:
+        found = trimesh.load(path, force="mesh")
+        vertices, faces = np.asarray(found.vertices, float), np.asarray(found.faces, int)
+    except Exception as error:  # trimesh raises whatever its readers do
+        known = ", ".join(sorted(trimesh.available_formats()))
+        raise ValueError(f"{path}: trimesh cannot read it ({error}); formats that it knows: {known}") from None
+    if len(faces) == 0:
+        raise ValueError(f"{path}: there are no triangles in it")
+    about = rotation(turn)
+    vertices = vertices @ about.T
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    scale = 1.0 if size is None else size / max(float(np.max(high - low)), 1e-300)
+    middle = 0.5 * (low + high)
+    vertices = (vertices - middle) * scale + (middle if centre is None else np.asarray(centre, float))
+    uv = getattr(found.visual, "uv", None)
+    return Mesh(
+        material,
+        vertices,
+        faces,
+        np.asarray(found.vertex_normals, float) @ about.T if smooth else None,
+        None if uv is None or len(uv) != len(vertices) else np.asarray(uv, float),
+    )
+
+
+def _trimesh() -> ModuleType:
+    try:
+        import trimesh  # pyright: ignore[reportMissingImports]
+    except ImportError:
+        raise ValueError("meshes need trimesh: pip install 'glazejax[scene]'") from None
+    return trimesh

@@ -1,0 +1,175 @@
+"""What each ray of a picture meets: nearest surfaces, shadows and mirror reflections, without any spectrum.
+
+Levels of rays: those of the camera, then those that mirrors send on, and so on. A level keeps of each point what its
+colour needs, which is a few cosines and which lights reach it; colours are computed from that, for all bands at once
+and only where there is something to see (`raycast_shade`).
+"""
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int
+
+from .intersect import Geometry, nearest, surface
+
+if TYPE_CHECKING:
+    from .lights import Light
+
+# Rays that go through the processor together, and the sizes that fewer of them are filled up to.
+TILE = 2**14
+_SIZES = (2**8, 2**11, TILE)
+
+Reflects = Callable[[int, Float[np.ndarray, "points"]], Float[np.ndarray, "points"]]
+"""From the number of a material and cosines of viewing to the most that its mirror reflection carries; 0 for none."""
+
+
+class Lamps(NamedTuple):
+    """Where the light comes from."""
+
+    place: Float[np.ndarray, "lights 3"]
+    """Position of a point light; unit vector towards a parallel one."""
+    point: tuple[bool, ...]
+
+
+class Level(NamedTuple):
+    """What rays of one level meet, (points,) each, in NumPy."""
+
+    parent: Int[np.ndarray, "points"]
+    """Number of the point of the level before whose mirror reflection this is; of the camera's ray in the first."""
+    shape: Int[np.ndarray, "points"]
+    """Number of the shape in the scene; -1 where there is nothing."""
+    material: Int[np.ndarray, "points"]
+    """Number of the material; -1 where there is nothing."""
+    cos_view: Float[np.ndarray, "points"]
+    uv: Float[np.ndarray, "points 2"]
+    strength: Float[np.ndarray, "points lights"]
+    """Of each light at the point: 1, or the inverse square of the distance; 0 in shadow and where it is behind."""
+    cos_light: Float[np.ndarray, "points lights"]
+    between: Float[np.ndarray, "points lights"]
+    """Cosine between view and light."""
+
+    @property
+    def bytes(self) -> int:
+        """Memory that it takes."""
+        return sum(array.nbytes for array in self)
+
+
+def lamps(lights: "Sequence[Light]") -> Lamps:
+    """Places of the lights of a scene."""
+    from .lights import PointLight
+    from .shapes import vector
+
+    place = [
+        vector("position", light.position)
+        if isinstance(light, PointLight)
+        else -vector("direction", light.direction, direction=True)
+        for light in lights
+    ]
+    return Lamps(np.array(place), tuple(isinstance(light, PointLight) for light in lights))
+
+
+@partial(jax.jit, static_argnames=("point",))
+def _cast(geometry: Geometry, place: Array, origin: Array, direction: Array, point: tuple[bool, ...]):
+    """Nearest surface, lights there, and the ray that a mirror there sends on."""
+    hit = nearest(geometry, origin, direction)
+    found = jnp.isfinite(hit.distance)
+    seen = surface(geometry, hit, origin, direction)
+    clearance = jnp.asarray(geometry.clearance, origin.dtype)
+    here = origin + jnp.where(found, hit.distance, 0.0)[:, None] * direction + clearance * seen.face
+    cos_view = jnp.clip(-jnp.sum(seen.normal * direction, axis=-1), 0.0, 1.0)
+    strength, cos_light, between = [], [], []
+    for k, is_point in enumerate(point):
+        away = place[k] - here if is_point else jnp.broadcast_to(place[k], here.shape)
+        square = jnp.sum(away**2, axis=-1)
+        distance = jnp.sqrt(jnp.where(square > 0, square, 1.0))
+        towards = away / distance[:, None]
+        cosine = jnp.clip(jnp.sum(seen.normal * towards, axis=-1), -1.0, 1.0)
+        lit = found & (square > 0) & (cosine > 0) & (jnp.sum(seen.face * towards, axis=-1) > 0)
+        reach = distance if is_point else jnp.asarray(jnp.inf, here.dtype)
+        blocked = nearest(geometry, here, towards, jnp.where(lit, reach, -1.0)).shape >= 0
+        strength.append(jnp.where(lit & ~blocked, 1.0 / square if is_point else 1.0, 0.0))
+        cos_light.append(cosine)
+        between.append(jnp.clip(-jnp.sum(direction * towards, axis=-1), -1.0, 1.0))
+    onward = direction + 2.0 * cos_view[:, None] * seen.normal
+    # A smooth normal may send a ray into the face.
+    into = jnp.sum(onward * seen.face, axis=-1)
+    onward = onward + jnp.where(into < 0, -2.0 * into, 0.0)[:, None] * seen.face
+    onward = onward / jnp.sqrt(jnp.sum(onward**2, axis=-1, keepdims=True))
+    shape = jnp.where(found, jnp.asarray(geometry.order)[hit.shape], -1)
+    material = jnp.where(found, jnp.asarray(geometry.material)[hit.shape], -1)
+    lights = [jnp.stack(a, axis=-1) for a in (strength, cos_light, between)]
+    return shape, material, cos_view, seen.uv, *lights, here, onward
+
+
+def trace(
+    geometry: Geometry,
+    places: Lamps,
+    origin: Float[np.ndarray, "rays 3"],
+    direction: Float[np.ndarray, "rays 3"],
+    *,
+    reflects: Reflects,
+    bounces: int,
+    least: float = 1e-3,
+) -> list[Level]:
+    """Follow rays to what they meet, and on from mirrors.
+
+    Args:
+        geometry: shapes of the scene.
+        places: of its lights.
+        origin, direction: of the rays, unit directions.
+        reflects: see `Reflects`.
+        bounces: how many mirror reflections are followed.
+        least: rays that could carry less than this share of light to the eye are not followed.
+
+    Returns:
+        Levels, at least one. Their points are in the order of the rays that led there.
+    """
+    levels: list[Level] = []
+    parent, share = np.arange(len(origin)), np.ones(len(origin))
+    while True:
+        *seen, here, onward = _in_pieces(geometry, places, origin, direction)
+        levels.append(Level(parent, *seen))
+        material, cos_view = levels[-1].material, levels[-1].cos_view
+        if len(levels) > bounces:
+            return levels
+        share = share * mirror_share(material, cos_view, reflects)
+        go = np.flatnonzero(share > least)
+        if go.size == 0:
+            return levels
+        parent, share, origin, direction = go, share[go], here[go], onward[go]
+
+
+def mirror_share(
+    material: Int[np.ndarray, "points"], cos_view: Float[np.ndarray, "points"], reflects: Reflects
+) -> Float[np.ndarray, "points"]:
+    """The most that the mirror reflection of each point carries."""
+    share = np.zeros(len(material))
+    for number in np.unique(material[material >= 0]):
+        mine = material == number
+        share[mine] = reflects(int(number), cos_view[mine])
+    return share
+
+
+def filled_size(count: int) -> int:
+    """The number that so many rays or points are filled up to."""
+    return next((size for size in _SIZES if size >= count), -(-count // TILE) * TILE)
+
+
+def _in_pieces(geometry: Geometry, places: Lamps, origin: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, ...]:
+    """`_cast` for any number of rays, in pieces of few sizes so that few programs are compiled."""
+    pieces = []
+    float_type = jnp.result_type(float)
+    for start in range(0, len(origin), TILE):
+        piece = slice(start, start + TILE)
+        count = len(origin[piece])
+        size = filled_size(count)
+        rays = [
+            np.pad(np.asarray(a[piece], float_type), ((0, size - count), (0, 0)), "edge") for a in (origin, direction)
+        ]
+        out = _cast(geometry, jnp.asarray(places.place, float_type), *map(jnp.asarray, rays), places.point)
+        pieces.append([np.asarray(a)[:count] for a in out])
+    return tuple(np.concatenate(column) for column in zip(*pieces, strict=True))

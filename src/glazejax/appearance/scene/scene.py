@@ -1,0 +1,165 @@
+"""What a scene is: shapes, materials, lights and a camera, checked when it is made.
+
+Coordinates are right-handed, in any unit of length; z is up in the examples. Light is counted on the scale of the
+lamp: a perfect white that faces a light of strength 1 has the spectrum of the light itself, whose luminance is 1.
+`glazejax.appearance.scene.render.render` makes the picture, `glazejax.appearance.scene.file.read_scene` reads a file.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from ...spectra import Grid, Numbers, concrete, validate_wavelengths
+from .intersect import Geometry, make_geometry
+from .lights import Light
+from .materials import Material
+from .shapes import Shape, positive, vector
+
+# Pictures beyond are a slip of the hand: 100 megapixels of 31 bands fill the memory of a workstation.
+_MOST_PIXELS = 10**8
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole camera.
+
+    Args:
+        position: where it is.
+        target: the point in the middle of the picture.
+        up: what is up in the picture.
+        field_of_view: angle across the width of the picture, degrees, between 0 and 170.
+
+    Raises:
+        ValueError: vectors that are none, a target at the position, a view along `up`, or an angle out of range.
+    """
+
+    position: Numbers
+    target: Numbers = (0.0, 0.0, 0.0)
+    up: Numbers = (0.0, 0.0, 1.0)
+    field_of_view: float = 40.0
+
+    def __post_init__(self):
+        look = vector("target", self.target) - vector("position", self.position)
+        if np.linalg.norm(look) == 0:
+            raise ValueError(f"the camera's target {self.target} is its position")
+        if np.linalg.norm(np.cross(look, vector("up", self.up, direction=True))) < 1e-9 * np.linalg.norm(look):
+            raise ValueError(f"the camera looks along its up {self.up}: give another up, such as [0, 1, 0]")
+        if not 0 < positive("field_of_view", self.field_of_view) <= 170:
+            raise ValueError(f"field_of_view must be between 0 and 170 degrees, not {self.field_of_view!r}")
+
+    def axes(self) -> tuple[Float[np.ndarray, "3"], Float[np.ndarray, "3"], Float[np.ndarray, "3"]]:
+        """Unit vectors to the right, up and forward in the picture."""
+        look = vector("target", self.target) - vector("position", self.position)
+        forward = look / np.linalg.norm(look)
+        right = np.cross(forward, vector("up", self.up))
+        right /= np.linalg.norm(right)
+        return right, np.cross(right, forward), forward
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Everything that makes a picture.
+
+    Args:
+        wavelengths: (bands,), nm.
+        shapes: at least one.
+        materials: by the name that the shapes use.
+        lights: at least one.
+        camera: see `Camera`.
+        width, height: pixels.
+        background: (bands,) or one number: what is seen where nothing is, also in mirrors. It lights nothing.
+        antialias: samples along the side of a pixel, where there is an edge; 1 for none.
+        bounces: how many mirror reflections are followed one after another.
+
+    Raises:
+        ValueError: something is missing, names a material there is not, or has other bands.
+    """
+
+    wavelengths: Grid
+    shapes: Sequence[Shape]
+    materials: Mapping[str, Material]
+    lights: Sequence[Light]
+    camera: Camera
+    width: int = 640
+    height: int = 480
+    background: Numbers = 0.0
+    antialias: int = 4
+    bounces: int = 3
+
+    def __post_init__(self):
+        bands = validate_wavelengths(self.wavelengths).size
+        for name, low, high in (("width", 1, 20000), ("height", 1, 20000), ("antialias", 1, 16), ("bounces", 0, 20)):
+            value = getattr(self, name)
+            if not isinstance(value, int | np.integer) or isinstance(value, bool) or not low <= value <= high:
+                raise ValueError(f"{name} must be a whole number from {low} to {high}, not {value!r}")
+        if self.width * self.height > _MOST_PIXELS:
+            raise ValueError(f"{self.width} x {self.height} pixels are too many (at most {_MOST_PIXELS:g} in all)")
+        if not self.shapes:
+            raise ValueError("a scene needs at least one shape")
+        if not self.lights:
+            raise ValueError("a scene needs at least one light")
+        for shape in self.shapes:
+            if shape.material not in self.materials:
+                known = ", ".join(self.materials) or "none"
+                raise ValueError(f"a shape has the material {shape.material!r}, but there are: {known}")
+        for name, material in self.materials.items():
+            material.check(name, validate_wavelengths(self.wavelengths))
+        for what, spectrum in [("light", light.spectrum) for light in self.lights] + [("background", self.background)]:
+            if np.shape(spectrum) not in ((), (bands,)):
+                raise ValueError(
+                    f"the spectrum of a {what} has shape {np.shape(spectrum)}, but there are {bands} bands"
+                )
+            known = concrete(spectrum)
+            if known is not None and not np.all((known >= 0) & np.isfinite(known)):
+                raise ValueError(f"the spectrum of a {what} holds {np.min(known):g}; it must be finite and 0 or more")
+
+    def geometry(self) -> Geometry:
+        """Shapes as arrays for the ray caster."""
+        number = {name: k for k, name in enumerate(self.materials)}
+        return make_geometry(self.shapes, number)
+
+    def light_spectra(self) -> Float[np.ndarray, "lights bands"]:
+        """Spectra of the lights."""
+        bands = np.size(self.wavelengths)
+        return np.stack([np.broadcast_to(np.asarray(light.spectrum, float), (bands,)) for light in self.lights])
+
+    def background_spectrum(self) -> Float[np.ndarray, "bands"]:
+        """What is seen where nothing is."""
+        return np.broadcast_to(np.asarray(self.background, float), (np.size(self.wavelengths),))
+
+    def only_bands(self, keep: np.ndarray) -> "Scene":
+        """The same scene with the bands where `keep` is true."""
+        if np.all(keep):
+            return self
+        bands = np.size(self.wavelengths)
+
+        def part(spectrum: Numbers) -> Numbers:
+            return spectrum if np.ndim(spectrum) == 0 else jnp.asarray(spectrum)[..., np.flatnonzero(keep)]
+
+        return replace(
+            self,
+            wavelengths=np.asarray(self.wavelengths)[keep],
+            materials={name: material.only_bands(keep, bands) for name, material in self.materials.items()},
+            lights=[replace(light, spectrum=part(light.spectrum)) for light in self.lights],
+            background=part(self.background),
+        )
+
+    def rays(self, across: np.ndarray, down: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Rays of the camera through points of the picture.
+
+        Args:
+            across, down: (rays,), in pixels from the upper left corner; (0.5, 0.5) is the middle of the first.
+
+        Returns:
+            Origins and unit directions, (rays, 3) each.
+        """
+        right, up, forward = self.camera.axes()
+        half = np.tan(np.deg2rad(self.camera.field_of_view) / 2)
+        x = (2 * np.asarray(across) / self.width - 1) * half
+        y = (1 - 2 * np.asarray(down) / self.height) * half * self.height / self.width
+        direction = forward + x[:, None] * right + y[:, None] * up
+        direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+        return np.broadcast_to(vector("position", self.camera.position), direction.shape), direction

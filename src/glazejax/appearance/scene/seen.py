@@ -1,0 +1,121 @@
+"""What of its materials and bands a scene shows, so that nothing else is computed."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ...colour import colour_weights
+from .materials import Glazed, Material, Seen
+from .rays import Level
+from .scene import Scene
+
+# Share of a tristimulus value of white that the bands left out may make, all together: one step of 8 bits near black.
+_BANDS_SHARE = 1 / (12.92 * 255)
+
+
+class Sight:
+    """Materials in view, and the cosines and thicknesses at which they are seen."""
+
+    def __init__(self, materials: Sequence[Material]):
+        self.materials = list(materials)
+        self._light: dict[int, tuple[float, float]] = {}
+        self._view: dict[int, tuple[float, float]] = {}
+        self._rays, self._samples = 0, 0
+        # Under any gloss the mirror reflection is bounded by that of the largest index.
+        self._index = [float(np.max(m.glaze.refractive_index)) if isinstance(m, Glazed) else None for m in materials]
+
+    @property
+    def rays_a_sample(self) -> float:
+        """Rays, mirror reflections included, for one ray of the camera."""
+        return self._rays / max(self._samples, 1)
+
+    def most_mirrored(self, number: int, cos_view: Float[np.ndarray, "points"]) -> Float[np.ndarray, "points"]:
+        """The most that the mirror reflection of a material carries; see `raycast.Reflects`."""
+        from ...radiative.common.fresnel import dielectric_reflectance
+
+        if not self.materials[number].is_mirror:
+            return np.zeros(len(cos_view))
+        index = self._index[number]
+        return np.ones(len(cos_view)) if index is None else np.asarray(dielectric_reflectance(cos_view, index))
+
+    def add(self, levels: list[Level]) -> None:
+        """Take in what some rays meet."""
+        self._samples += len(levels[0].material)
+        self._rays += sum(len(level.material) for level in levels)
+        for level in levels:
+            for number in np.unique(level.material[level.material >= 0]):
+                mine = level.material == number
+                lit = mine[:, None] & (level.strength > 0)
+                key = int(number)
+                self._view[key] = _wider(self._view.get(key), level.cos_view[mine & lit.any(axis=1)])
+                self._light[key] = _wider(self._light.get(key), level.cos_light[lit])
+
+    def prepare(
+        self,
+        wavelengths: Float[np.ndarray, "bands"],
+        tolerance: float,
+        before: Sequence[Material | None] = (),
+    ) -> list[Material | None]:
+        """Materials ready for the angles seen; None for those that are not in view.
+
+        Args:
+            wavelengths, tolerance: see `Material.prepare`.
+            before: what was prepared already, and stays as it is.
+        """
+        prepared: list[Material | None] = []
+        done: dict[tuple, Material] = {}
+        for number, material in enumerate(self.materials):
+            if number < len(before) and before[number] is not None:
+                prepared.append(before[number])
+                continue
+            if number not in self._view:
+                prepared.append(None)
+                continue
+            thickness = material.thickness_map
+            depths = (0.0, 0.0) if thickness is None else (float(np.min(thickness)), float(np.max(thickness)))
+            seen = Seen(_legal(self._light[number]), _legal(self._view[number]), depths)
+            key = (id(material), seen.light, seen.view)
+            if key not in done:
+                done[key] = material.prepare(wavelengths, seen, tolerance)
+            prepared.append(done[key])
+        return prepared
+
+    def describe(self) -> str:
+        """Angles of the glazes in view, in words."""
+        words = []
+        for number, material in enumerate(self.materials):
+            if isinstance(material, Glazed) and number in self._view:
+                ends = [np.rad2deg(np.arccos(_legal(pair)))[::-1] for pair in (self._light[number], self._view[number])]
+                words.append("{:.0f}-{:.0f}° lit, {:.0f}-{:.0f}° seen".format(*ends[0], *ends[1]))
+        return "angles of the glazes: " + "; ".join(words) if words else ""
+
+
+def _wider(known: tuple[float, float] | None, values: np.ndarray) -> tuple[float, float]:
+    low, high = known or (np.inf, -np.inf)
+    return (min(low, float(values.min())), max(high, float(values.max()))) if values.size else (low, high)
+
+
+def _legal(pair: tuple[float, float]) -> tuple[float, float]:
+    """Range of cosines; that of an unlit material is any."""
+    return (max(pair[0], 0.0), min(pair[1], 1.0)) if pair[0] <= pair[1] else (1.0, 1.0)
+
+
+def needed_bands(scene: Scene) -> Bool[np.ndarray, "bands"]:
+    """Bands that a screen can show: what the others make of white, all together, is below a step of 8 bits."""
+    weights = np.abs(colour_weights(scene.wavelengths, "E"))
+    spectra = np.concatenate([scene.light_spectra(), scene.background_spectrum()[None]])
+    keep = np.zeros(weights.shape[0], bool)
+    for spectrum in spectra:
+        parts = weights * spectrum[:, None]
+        total = parts.sum(axis=0)
+        # Red light of long waves alone has no Z; no light at all has nothing.
+        there = total > 0
+        if not np.any(there):
+            continue
+        part = np.max(parts[:, there] / total[there], axis=1)
+        order = np.argsort(part)
+        keep[order[np.cumsum(part[order]) > _BANDS_SHARE]] = True
+    if not np.any(keep):  # A black picture takes a band too.
+        keep[np.argmax(weights[:, 1])] = True
+    return keep

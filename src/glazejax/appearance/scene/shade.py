@@ -1,0 +1,142 @@
+"""Spectra of the points that rays meet, for all bands at once, only where a light falls or a mirror shows something.
+
+Work is done in lists of pairs of a point and a light that reaches it, material by material, so that nothing is
+computed for shadows, for the far side of things or for what is not in the picture. Plain JAX: a picture can be
+differentiated by spectra of materials and lights.
+"""
+
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .materials import Angles, Material
+from .rays import Level, filled_size
+
+# Pairs that go through the processor together; memory is this times the bands, a few times.
+_CHUNK = 2**13
+_SMALL = 2**9
+
+
+@eqx.filter_jit
+def _lit(
+    material: Material,
+    lights: Array,
+    which: Array,
+    strength: Array,
+    view: Array,
+    light: Array,
+    between: Array,
+    uv: Array,
+) -> Float[Array, "pairs bands"]:
+    """Light of each pair that reaches the eye."""
+    thickness = jnp.zeros_like(view) if material.thickness_map is None else sample_map(material.thickness_map, uv)
+    factor = material.direct(Angles(light, view, between, thickness))
+    return strength[:, None] * factor * lights[which]
+
+
+@eqx.filter_jit
+def _mirrored(material: Material, view: Array, beyond: Array) -> Float[Array, "points bands"]:
+    return material.mirror(view) * beyond
+
+
+def sample_map(values: Float[Array | np.ndarray, "h w"], uv: Float[Array, "points 2"]) -> Float[Array, "points"]:
+    """A map at texture coordinates, bilinear between the middles of its pixels.
+
+    The map repeats beyond 0 to 1; v runs upwards and the first row is on top.
+    """
+    values = jnp.asarray(values)
+    rows, columns = values.shape
+    u, v = uv[:, 0] - jnp.floor(uv[:, 0]), uv[:, 1] - jnp.floor(uv[:, 1])
+    # A coordinate of exactly 1 is the far edge, not the near one.
+    u, v = jnp.where((u == 0) & (uv[:, 0] > 0), 1.0, u), jnp.where((v == 0) & (uv[:, 1] > 0), 1.0, v)
+    x = jnp.clip(u * columns - 0.5, 0.0, columns - 1.0)
+    y = jnp.clip((1.0 - v) * rows - 0.5, 0.0, rows - 1.0)
+    left, top = jnp.floor(x).astype(int), jnp.floor(y).astype(int)
+    right, down = jnp.minimum(left + 1, columns - 1), jnp.minimum(top + 1, rows - 1)
+    a, b = x - left, y - top
+    upper = (1 - a) * values[top, left] + a * values[top, right]
+    lower = (1 - a) * values[down, left] + a * values[down, right]
+    return (1 - b) * upper + b * lower
+
+
+def radiance(
+    levels: Sequence[Level],
+    materials: Sequence[Material | None],
+    lights: Float[Array, "lights bands"],
+    background: Float[Array, "bands"],
+) -> Float[Array, "rays bands"]:
+    """Spectrum that comes along each ray of the first level.
+
+    Args:
+        levels: of `raycast.trace`.
+        materials: prepared, in the order of the numbers in the levels; None for those that are not seen.
+        lights, background: spectra.
+
+    Returns:
+        (rays, bands), on the scale of the lights.
+    """
+    beyond: Array | None = None
+    child: Level | None = None
+    for level in reversed(levels):
+        # Filled up to few sizes, so that few programs are compiled.
+        empty = np.pad(level.material < 0, (0, filled_size(len(level.material)) - len(level.material)))
+        own = jnp.where(jnp.asarray(empty)[:, None], background, jnp.zeros_like(lights[:1]))
+        for number, material in enumerate(materials):
+            if material is None:
+                continue
+            mine = np.flatnonzero(level.material == number)
+            own = _add_lights(own, level, mine, material, lights)
+            if child is not None and beyond is not None and material.is_mirror:
+                own = _add_mirror(own, level, child, number, material, beyond)
+        beyond, child = own, level
+    assert beyond is not None
+    return beyond[: len(levels[0].material)]
+
+
+def lit_pairs(level: Level, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of point and light of the pairs that matter among some points."""
+    rows, which = np.nonzero(level.strength[points] > 0)
+    return points[rows], which
+
+
+def _add_lights(own: Array, level: Level, mine: np.ndarray, material: Material, lights: Array) -> Array:
+    rows, which = lit_pairs(level, mine)
+    for piece, size in _pieces(rows.size):
+        r, k = _filled(rows[piece], size), _filled(which[piece], size)
+        strength = np.where(np.arange(size) < len(rows[piece]), level.strength[r, k], 0.0)
+        pairs = (k, strength, level.cos_view[r], level.cos_light[r, k], level.between[r, k], level.uv[r])
+        own = own.at[r].add(_lit(material, lights, *map(jnp.asarray, pairs)))
+    return own
+
+
+def _add_mirror(own: Array, level: Level, child: Level, number: int, material: Material, beyond: Array) -> Array:
+    children = np.flatnonzero(level.material[child.parent] == number)
+    for piece, size in _pieces(children.size):
+        chosen = _filled(children[piece], size)
+        there = np.arange(size) < len(children[piece])
+        rows = child.parent[chosen]
+        shown = _mirrored(material, jnp.asarray(level.cos_view[rows]), beyond[chosen])
+        own = own.at[rows].add(jnp.where(there[:, None], shown, 0.0))
+    return own
+
+
+def _pieces(count: int) -> list[tuple[slice, int]]:
+    """Pieces of at most `_CHUNK`, and the size that each is filled up to."""
+    pieces = [(slice(start, start + _CHUNK), _CHUNK) for start in range(0, count, _CHUNK)]
+    if pieces and count - pieces[-1][0].start <= _SMALL:
+        pieces[-1] = (pieces[-1][0], _SMALL)
+    return pieces
+
+
+def _filled(values: np.ndarray, size: int) -> np.ndarray:
+    """Values with the first one repeated at the end."""
+    return np.concatenate([values, np.repeat(values[:1], size - len(values))])
+
+
+def pixels_from_samples(samples: Float[Array, "rays bands"], each: int) -> Float[Array, "pixels bands"]:
+    """Mean over the samples of each pixel, which follow one another."""
+    return jax.numpy.mean(samples.reshape(-1, each, samples.shape[-1]), axis=1)

@@ -1,0 +1,156 @@
+"""Shapes of a scene, and the checks of points, directions and sizes that all parts of a scene share."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ...spectra import Numbers
+
+
+def vector(name: str, values: Numbers, *, direction: bool = False) -> Float[np.ndarray, "3"]:
+    """Three finite numbers; with `direction` of length 1 in the end.
+
+    Raises:
+        ValueError: other than three numbers, or a direction of no length.
+    """
+    try:
+        found = np.asarray(values, dtype=float)
+    except (TypeError, ValueError):
+        raise ValueError(f"{name} must be three numbers, not {values!r}") from None
+    if found.shape != (3,) or not np.all(np.isfinite(found)):
+        raise ValueError(f"{name} must be three finite numbers, not {values!r}")
+    if not direction:
+        return found
+    length = float(np.linalg.norm(found))
+    if length == 0:
+        raise ValueError(f"{name} is (0, 0, 0), which is no direction")
+    return found / length
+
+
+def positive(name: str, value: float) -> float:
+    """A finite number above zero.
+
+    Raises:
+        ValueError: anything else.
+    """
+    number = isinstance(value, int | float | np.number) and not isinstance(value, bool)
+    if not number or not 0 < float(value) < np.inf:
+        raise ValueError(f"{name} must be a number above 0, not {value!r}")
+    return float(value)
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """A ball; u runs once around its z axis, v from its lowest point (0) to its highest (1).
+
+    Raises:
+        ValueError: a radius that is not above 0, or a centre that is no point.
+    """
+
+    material: str
+    centre: Numbers = (0.0, 0.0, 0.0)
+    radius: float = 1.0
+
+    def __post_init__(self):
+        vector("centre", self.centre)
+        positive("radius", self.radius)
+
+
+@dataclass(frozen=True)
+class Plane:
+    """A plane through a point, endless or a rectangle; u and v run from 0 to 1 across the rectangle.
+
+    Args:
+        material: name of its material.
+        point: the centre of the rectangle, or any point of an endless plane.
+        normal: the side that is painted; the other side looks the same.
+        size: width and height of the rectangle; None for an endless plane, whose u and v count units of length.
+        up: direction of the height, as far as it lies in the plane; any if it is along the normal.
+
+    Raises:
+        ValueError: a vector that is none, or a size that is not above 0.
+    """
+
+    material: str
+    point: Numbers = (0.0, 0.0, 0.0)
+    normal: Numbers = (0.0, 0.0, 1.0)
+    size: Sequence[float] | None = None
+    up: Numbers = (0.0, 0.0, 1.0)
+
+    def __post_init__(self):
+        vector("point", self.point)
+        vector("normal", self.normal, direction=True)
+        vector("up", self.up, direction=True)
+        if self.size is not None:
+            if not isinstance(self.size, Sequence | np.ndarray) or len(self.size) != 2:
+                raise ValueError(f"size must be a width and a height, not {self.size!r}")
+            for value in self.size:
+                positive("size", value)
+
+
+@dataclass(frozen=True)
+class Box:
+    """A box with sides along the axes, turned about its centre; u and v run from 0 to 1 across each face.
+
+    Args:
+        material: name of its material.
+        centre: its centre.
+        size: full length of its sides.
+        rotation: degrees about x, then y, then z.
+
+    Raises:
+        ValueError: a vector that is none, or a size that is not above 0.
+    """
+
+    material: str
+    centre: Numbers = (0.0, 0.0, 0.0)
+    size: Numbers = (1.0, 1.0, 1.0)
+    rotation: Numbers = (0.0, 0.0, 0.0)
+
+    def __post_init__(self):
+        vector("centre", self.centre)
+        vector("rotation", self.rotation)
+        for value in vector("size", self.size):
+            positive("size", value)
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """Triangles; `glazejax.appearance.scene.mesh.read_mesh` reads them from a file.
+
+    Args:
+        material: name of its material.
+        vertices: (vertices, 3).
+        faces: (faces, 3), numbers of the vertices.
+        normals: (vertices, 3), for shading that hides the edges; None for flat faces.
+        uv: (vertices, 2), coordinates in a thickness map; None if there are none.
+
+    Raises:
+        ValueError: arrays of other shapes, no triangle at all, or a face of a vertex that does not exist.
+    """
+
+    material: str
+    vertices: Float[np.ndarray, "vertices 3"]
+    faces: Int[np.ndarray, "faces 3"]
+    normals: Float[np.ndarray, "vertices 3"] | None = None
+    uv: Float[np.ndarray, "vertices 2"] | None = None
+
+    def __post_init__(self):
+        vertices, faces = np.asarray(self.vertices), np.asarray(self.faces)
+        if vertices.ndim != 2 or vertices.shape[1] != 3 or not np.all(np.isfinite(vertices)):
+            raise ValueError(f"vertices must be finite points (vertices, 3), not of shape {vertices.shape}")
+        if faces.ndim != 2 or faces.shape[1] != 3 or len(faces) == 0:
+            raise ValueError(f"faces must be triangles (faces, 3), not of shape {faces.shape}")
+        if not np.issubdtype(faces.dtype, np.integer):
+            raise ValueError(f"faces must be whole numbers, those of the vertices, not {faces.dtype}")
+        wrong = faces[(faces < 0) | (faces >= len(vertices))]
+        if wrong.size:
+            raise ValueError(f"a face names vertex {wrong[0]}, but they are 0 to {len(vertices) - 1}")
+        for name, values, width in (("normals", self.normals, 3), ("uv", self.uv, 2)):
+            if values is not None and np.shape(values) != (len(vertices), width):
+                raise ValueError(f"{name} must be ({len(vertices)}, {width}), not {np.shape(values)}")
+
+
+Shape = Sphere | Plane | Box | Mesh

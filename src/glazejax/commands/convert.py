@@ -1,0 +1,96 @@
+"""The command ``glazejax convert``: spectra from any format that is known to CSV, CxF3 or ENVI."""
+
+import math
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from ..io import SpectraTable
+
+# Wavelengths of one spectrum; more are a slip of the hand, such as a step of 1e-9.
+_MAX_BANDS = 100_000
+_UNITS = {"fraction": "as fractions", "percent": "in percent", "scaled": "as scaled numbers"}
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command `convert` to the application."""
+    app.command("convert")(convert)
+
+
+def convert(
+    source: Annotated[
+        Path,
+        typer.Argument(
+            metavar="IN",
+            help="CSV, TSV, ENVI (.hdr or its data), CGATS, CxF3, JCAMP-DX, ASD, JSON; the content tells which.",
+        ),
+    ],
+    target: Annotated[
+        Path,
+        typer.Argument(metavar="OUT", help="File to write: .csv, .tsv, .cxf (CxF3), .hdr (ENVI library, with .sli)."),
+    ],
+    to: Annotated[
+        str | None, typer.Option(help="Format of OUT whatever its name: csv, cxf or envi.", show_default=False)
+    ] = None,
+    resample: Annotated[
+        str | None,
+        typer.Option(help="New wavelengths in nm, FROM:TO:STEP, such as 400:700:10.", show_default=False),
+    ] = None,
+    long: Annotated[bool, typer.Option("--long", help="CSV with a sample a column; default: a sample a row.")] = False,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")] = False,
+) -> None:
+    """Convert measured spectra: read IN, say what it is, and write OUT as fractions.
+
+    Whether values are fractions or percent is read or detected, and said. Spectra are resampled by interpolation,
+    never beyond their range.
+    """
+    from ..io import read_spectra, write_spectra
+    from ..io import resample as resample_table
+
+    grid = None if resample is None else parse_grid(resample)
+    table = read_spectra(source)
+    typer.echo(f"read   {source}: {table.format}, {_summary(table)}, stored {_UNITS[table.unit]}")
+    if grid is not None:
+        try:
+            table = resample_table(table, grid)
+        except ValueError as error:
+            raise ValueError(f"--resample {resample}: {error}") from None
+    for note in table.notes:
+        typer.echo(f"note   {note}")
+    notes = write_spectra(table, target, format=to, long=long, overwrite=overwrite)
+    for note in notes:
+        typer.echo(f"note   {note}")
+    typer.echo(f"wrote  {target}: {_summary(table)}, stored as fractions")
+
+
+def _summary(table: "SpectraTable") -> str:
+    """Number, grid and range of the spectra of a table."""
+    from ..spectra import describe_grid
+
+    count = "1 spectrum" if len(table) == 1 else f"{len(table)} spectra"
+    low, high = table.reflectance.min(), table.reflectance.max()
+    return f"{count}, {describe_grid(table.wavelengths)}, reflectance {low:.3g} to {high:.3g}"
+
+
+def parse_grid(text: str) -> list[float]:
+    """Wavelengths of ``FROM:TO:STEP`` in nm, both ends included.
+
+    Raises:
+        ValueError: another form, numbers that are no wavelengths, or an end that no step meets.
+    """
+    parts = text.split(":")
+    try:
+        start, end, step = (float(part) for part in parts)
+    except ValueError:
+        raise ValueError(f"--resample {text!r}: expected FROM:TO:STEP in nm, such as 400:700:10") from None
+    if not (math.isfinite(start) and math.isfinite(end) and math.isfinite(step) and 0 < start <= end and step > 0):
+        raise ValueError(f"--resample {text!r}: FROM must be positive, TO not below it, STEP above 0")
+    count = (end - start) / step
+    if abs(count - round(count)) > 1e-6:
+        last = start + step * math.floor(count)
+        raise ValueError(f"--resample {text!r}: steps of {step:g} nm do not meet {end:g} nm; end at {last:g}")
+    if count >= _MAX_BANDS:
+        raise ValueError(f"--resample {text!r}: {count + 1:.0f} wavelengths are too many (at most {_MAX_BANDS})")
+    return [start + step * i for i in range(round(count) + 1)]

@@ -1,0 +1,248 @@
+"""Pictures. matplotlib is imported when the first one is drawn, and without its global state."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import Float
+
+from ..colour import CIE_1931, lab, srgb
+from ..plots import FAINT, GRID, INK, hex_colour
+from .rendering import Rendering
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+    from matplotlib.text import Text
+
+_NOTE = """$R_0$: seen with no coat. $R_1$: one
+coat alone on the ground, $R_g$.
+Mixing: the same paint stirred
+into an opaque one that looks
+like $R_0$, as much of it as brings
+one portion nearest to one coat."""
+_CLIPPED = """
+Colours outside sRGB are clipped."""
+# How each way of layering is drawn and explained.
+_STYLE: dict[Any, Any] = {
+    "font.size": 15,
+    "text.color": INK,
+    "axes.edgecolor": FAINT,
+    "axes.labelcolor": INK,
+    "xtick.color": FAINT,
+    "ytick.color": FAINT,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+}
+_WAYS = {
+    "glaze": ("glazejax", "light followed through every coat", "-", 3.2),
+    "multiply": ("multiply", "$R_0 (R_1/R_g)^n$, band by band", "--", 2.0),
+    "mixing": ("mixing", "$n$ portions stirred into opaque paint", ":", 2.6),
+}
+
+
+def glaze_figure(
+    rendering: Rendering,
+    names: Sequence[str],
+    *,
+    title: str = "",
+    subtitle: str = "",
+    coat: str = "one coat",
+    marked: int | None = None,
+    illuminant: str = "D65",
+    observer: str | int = CIE_1931,
+) -> "Figure":
+    """Picture of a glaze in three panels: spectra, swatches, and the ladder of its colour against coats.
+
+    Args:
+        rendering: what to draw.
+        names: what to call each layer, top first.
+        title, subtitle: lines above the panels.
+        coat: what one coat of the ladder is, such as "Eosin 2 µm".
+        marked: number of coats that is the glaze itself, marked on the ladder.
+        illuminant, observer: of every colour shown.
+
+    Returns:
+        A matplotlib figure of 16 x 10 inches; save it with ``.savefig(path, dpi=100)``.
+
+    Raises:
+        ValueError: another number of names than layers, or what `lab` refuses.
+    """
+    from matplotlib import rc_context
+    from matplotlib.figure import Figure
+
+    if len(names) != len(rendering.alone):
+        raise ValueError(f"{len(names)} names were given for {len(rendering.alone)} layers")
+    paint = _Paint(rendering, {"illuminant": illuminant, "observer": observer})
+    last = rendering.ladder.counts[-1]
+    with rc_context(_STYLE):
+        figure = Figure(figsize=(16, 10), facecolor="white")
+        top = {"top": 0.84, "bottom": 0.6}
+        _draw_spectra(figure.add_axes(_box(0.062, 0.615, **top)), paint, names)
+        _draw_swatches(figure.add_axes(_box(0.665, 0.975, **top)), paint)
+        strips = figure.add_axes(_box(0.235, 0.915, top=0.475, bottom=0.312))
+        chroma = figure.add_axes(_box(0.235, 0.915, top=0.298, bottom=0.192), sharex=strips)
+        lightness = figure.add_axes(_box(0.235, 0.915, top=0.176, bottom=0.07), sharex=strips)
+        _draw_strips(strips, paint, marked)
+        _draw_curves(chroma, lightness, paint)
+        _fit(figure.text(0.025, 0.957, title, fontsize=23, fontweight="bold", va="center"), figure, 0.95)
+        _fit(figure.text(0.025, 0.916, subtitle, color=FAINT, va="center"), figure, 0.95)
+        heading = f"Coat after coat: {coat}, 1 to {last} times"
+        _fit(figure.text(0.025, 0.512, heading, fontsize=19, fontweight="bold", va="center"), figure, 0.95)
+        note = _NOTE + (_CLIPPED if paint.clipped else "")
+        figure.text(0.025, 0.29, note, fontsize=11, color=FAINT, va="top", linespacing=1.35)
+    return figure
+
+
+class _Paint:
+    """A rendering with its colours."""
+
+    def __init__(self, rendering: Rendering, light: dict):
+        self.spectra, self.light = rendering, light
+
+    @property
+    def clipped(self) -> bool:
+        """Whether a colour of the ladder is outside sRGB."""
+        ladder = self.spectra.ladder
+        shades = [srgb(self.spectra.wavelengths, getattr(ladder, key), clip=False, **self.light) for key in _WAYS]
+        return bool(np.any((np.asarray(shades) < -5e-4) | (np.asarray(shades) > 1 + 5e-4)))
+
+    def rgb(self, spectra: Float[np.ndarray, "... bands"]) -> Float[np.ndarray, "... 3"]:
+        return np.asarray(srgb(self.spectra.wavelengths, spectra, **self.light))
+
+    def lab(self, spectra: Float[np.ndarray, "... bands"]) -> Float[np.ndarray, "... 3"]:
+        return np.asarray(lab(self.spectra.wavelengths, spectra, **self.light))
+
+    def ink(self, spectrum: Float[np.ndarray, "bands"]) -> str:
+        """The colour of a spectrum, darkened where it would vanish on white."""
+        shade = self.rgb(spectrum)
+        luminance = float(shade @ [0.2126, 0.7152, 0.0722])
+        return hex_colour(shade * min(1.0, 0.62 / max(luminance, 1e-3)))
+
+
+def _box(left: float, right: float, *, top: float, bottom: float) -> tuple[float, float, float, float]:
+    return left, bottom, right - left, top - bottom
+
+
+def _fit(text: "Text", figure: "Figure", share: float) -> None:
+    """Shrink a line of text, and cut it if it would become too small to read, to a share of the figure's width."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    renderer, room = FigureCanvasAgg(figure).get_renderer(), share * figure.bbox.width
+    size, smallest = float(text.get_fontsize()), 12.0
+    # Widths of hinted letters are not quite proportional to their size.
+    while (width := text.get_window_extent(renderer).width) > room and size > smallest:
+        size = max(min(size * room / width, size - 0.25), smallest)
+        text.set_fontsize(size)
+    words = text.get_text()
+    while text.get_window_extent(renderer).width > room:
+        words = words[: int(0.97 * len(words))]
+        text.set_text(f"{words.rstrip()}…")
+
+
+def _draw_spectra(axes: "Axes", paint: _Paint, names: Sequence[str]) -> None:
+    spectra, x = paint.spectra, paint.spectra.wavelengths
+    axes.plot(x, spectra.ground, color=FAINT, lw=2, ls=(0, (1, 1.5)), label="bare ground")
+    highest = max(float(spectra.ground.max()), float(spectra.glaze.max()))
+    if len(names) > 1:
+        for name, spectrum in zip(names, spectra.alone, strict=True):
+            if np.allclose(spectrum, spectra.ground, rtol=0, atol=1e-9):
+                continue  # An absent layer.
+            axes.plot(x, spectrum, color=paint.ink(spectrum), lw=2.2, ls="--", label=f"{name} alone")
+            highest = max(highest, float(spectrum.max()))
+    else:
+        for count in (n for n in (40, 20, 10, 5) if n <= spectra.ladder.counts[-1]):
+            spectrum = spectra.ladder.glaze[count]
+            axes.plot(x, spectrum, color=paint.ink(spectrum), lw=1.6, label=f"{count} coats")
+            highest = max(highest, float(spectrum.max()))
+    axes.fill_between(x, 0, spectra.glaze, color=hex_colour(paint.rgb(spectra.glaze)), alpha=0.18, lw=0)
+    axes.plot(x, spectra.glaze, color=paint.ink(spectra.glaze), lw=4, label="the glaze")
+    axes.set(xlim=(x[0], x[-1]), ylim=(0, max(highest * 1.06, 0.05)))
+    axes.set_xlabel("wavelength (nm)")
+    axes.set_ylabel("reflectance")
+    axes.grid(color=GRID, lw=1)
+    axes.set_axisbelow(True)
+    handles, labels = axes.get_legend_handles_labels()
+    labels = [label if len(label) <= 30 else f"{label[:29]}…" for label in labels]
+    longest = max(map(len, labels))
+    columns = min(len(labels), 6 if longest < 12 else 4 if longest < 22 else 3)
+    axes.legend(
+        handles[::-1], labels[::-1], loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2,
+        frameon=False, ncols=columns, fontsize=13, handlelength=2.2, columnspacing=1.4,
+    )  # fmt: skip
+
+
+def _draw_swatches(axes: "Axes", paint: _Paint) -> None:
+    from matplotlib.patches import FancyBboxPatch
+
+    axes.set(xlim=(0, 1), ylim=(0, 1))
+    axes.set_axis_off()
+    ground, glaze = paint.spectra.ground, paint.spectra.glaze
+
+    def patch(x: float, width: float, y: float, height: float, spectrum: np.ndarray, edge: str) -> None:
+        box = FancyBboxPatch(
+            (x, y), width, height, boxstyle="round,pad=0,rounding_size=0.012", lw=1, mutation_aspect=1.7,
+            facecolor=hex_colour(paint.rgb(spectrum)), edgecolor=edge, clip_on=False,
+        )  # fmt: skip
+        axes.add_patch(box)
+
+    patch(0.0, 1.0, 0.26, 0.74, ground, "#cfc8bf")
+    patch(0.04, 0.58, 0.33, 0.60, glaze, "none")
+    for x, what, spectrum in ((0.04, "the glaze", glaze), (0.68, "bare ground", ground)):
+        lightness, a, b = (round(float(value), 1) + 0.0 for value in paint.lab(spectrum))
+        axes.text(x, 0.185, what, fontweight="bold", va="center", fontsize=15)
+        axes.text(x, 0.085, hex_colour(paint.rgb(spectrum)), va="center", fontsize=15, family="monospace")
+        axes.text(x, -0.01, f"Lab {lightness:.1f}, {a:.1f}, {b:.1f}", va="center", fontsize=13.5)
+
+
+def _draw_strips(axes: "Axes", paint: _Paint, marked: int | None) -> None:
+    from matplotlib.collections import PatchCollection
+    from matplotlib.patches import Rectangle
+
+    ladder = paint.spectra.ladder
+    for row, (key, (name, words, *_)) in enumerate(_WAYS.items()):
+        shades = paint.rgb(getattr(ladder, key))
+        cells = [Rectangle((n - 0.5, -row - 0.92), 1, 0.92) for n in ladder.counts]
+        # Edges of its own colour close the hairlines between neighbours.
+        axes.add_collection(PatchCollection(cells, facecolor=shades, edgecolor=shades, lw=0.6))
+        axes.text(-0.9, -row - 0.33, name, ha="right", va="center", fontsize=16, fontweight="bold")
+        axes.text(-0.9, -row - 0.68, words, ha="right", va="center", fontsize=11.5, color=FAINT)
+    axes.set(xlim=(-0.5, ladder.counts[-1] + 0.5), ylim=(-2.95, 0))
+    if marked is not None and 0 < marked <= ladder.counts[-1]:
+        axes.plot(marked, 0.1, marker="v", ms=10, color=INK, clip_on=False)
+        axes.text(marked + 0.45, 0.12, "the glaze above", va="center", fontsize=12, color=FAINT)
+    axes.set_axis_off()
+
+
+def _draw_curves(chroma: "Axes", lightness: "Axes", paint: _Paint) -> None:
+    ladder = paint.spectra.ladder
+    last = int(ladder.counts[-1])
+    colours = {key: paint.lab(getattr(ladder, key)) for key in _WAYS}
+    for axes, title, curves in (
+        (chroma, "chroma C*", {key: np.hypot(values[:, 1], values[:, 2]) for key, values in colours.items()}),
+        (lightness, "lightness L*", {key: values[:, 0] for key, values in colours.items()}),
+    ):
+        for key, values in curves.items():
+            _, _, dashes, width = _WAYS[key]
+            axes.plot(ladder.counts, values, ls=dashes, lw=width, color=INK, solid_capstyle="round")
+        highest = max(10.0, *(float(values.max()) for values in curves.values()))
+        axes.set_ylim(0, 1.08 * highest)
+        axes.set_ylabel(title, fontsize=12)
+        axes.tick_params(axis="y", labelsize=13)
+        axes.locator_params(axis="y", nbins=4)
+        axes.grid(color=GRID, lw=1)
+        axes.set_axisbelow(True)
+        ends = sorted((float(values[-1]), key) for key, values in curves.items())
+        gap, at = 0.21 * highest, -np.inf
+        heights = [at := max(value, at + gap) for value, _ in ends]
+        # Pushed up where they would meet, and all of them down again if the uppermost leaves the panel.
+        for i in reversed(range(len(heights))):
+            heights[i] = min(heights[i], 0.98 * highest - (len(heights) - 1 - i) * gap)
+        for height, (value, key) in zip(heights, ends, strict=True):
+            axes.annotate(
+                _WAYS[key][0], (last, value), (last + 0.9, height), va="center", fontsize=13,
+                fontweight="bold" if key == "glaze" else "normal", annotation_clip=False,
+            )  # fmt: skip
+    chroma.tick_params(labelbottom=False)
+    lightness.set_xlabel("number of coats", labelpad=2)
+    lightness.set_xticks([n for n in (0, 1, 5, 10, 15, 20, 25, 30, 35, 40) if n <= last])

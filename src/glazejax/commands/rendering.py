@@ -1,0 +1,228 @@
+"""A glaze beside what it should be compared with: its ground, its layers alone, and a ladder of layers.
+
+The ladder repeats one layer of the glaze n times and sets three ways of using the same paint side by side:
+
+glaze
+    n coats, one over the other, solved as a stack. Equal coats that share one refractive index are the same
+    as one coat of n times the thickness, so each step costs no more than the glaze itself.
+multiply
+    what the blend mode of that name does in digital painting, band by band: one coat alone on the bare ground
+    turns R_ground into R_1, so each coat lets through R_1/R_ground of what is below, and n of them show
+    R_n = R_0 (R_1/R_ground)^n. R_0 is what lies below the coats: the ground itself if there is one layer only.
+    Multiplying never brightens: a ratio above 1 counts as 1.
+mixing
+    n portions of the same paint stirred into opaque paint that by itself looks like what lies below the
+    layer. One portion of colour meets as much of that opaque paint as brings the mixture nearest (Delta E 1976)
+    to the first coat; coefficients of mixed paint add.
+
+All three begin with the same R_0; over bare ground, multiply has the same first coat too.
+"""
+
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float, Int
+
+from ..colour import CIE_1931, lab
+from ..geometry import Geometry
+from ..paint.media import MAX_THICKNESS, Glaze, Layer, Pigment
+from ..reflectance import reflectance
+
+LADDER_COATS = 40
+
+# Optical thickness of the films that count as opaque.
+_OPAQUE = 1e4
+# Entries of the table of opaque paint, at least; 1e-5 is the error of R left by linear interpolation between them.
+_TABLE = 400
+_PER_DECADE = 200
+
+
+@dataclass(frozen=True)
+class Ladder:
+    """Spectra against the number of coats, three ways.
+
+    Attributes:
+        layer: which layer of the glaze is repeated, counted from the top.
+        counts: (steps,), numbers of coats, 0 first.
+        glaze, multiply, mixing: (steps, bands), reflectance; see the module.
+        capped: whether the thickest coats were cut off at the thickest layer possible, 10 mm.
+    """
+
+    layer: int
+    counts: Int[np.ndarray, "steps"]
+    glaze: Float[np.ndarray, "steps bands"]
+    multiply: Float[np.ndarray, "steps bands"]
+    mixing: Float[np.ndarray, "steps bands"]
+    capped: bool
+
+
+@dataclass(frozen=True)
+class Rendering:
+    """Spectra of a glaze and of what it is compared with, all as the same instrument sees them.
+
+    Attributes:
+        wavelengths: (bands,), nm.
+        glaze: (bands,), reflectance of the whole stack.
+        ground: (bands,), of the bare ground under the same smooth surface.
+        alone: (layers, bands), of each layer alone on the ground.
+        ladder: one layer repeated.
+    """
+
+    wavelengths: Float[np.ndarray, "bands"]
+    glaze: Float[np.ndarray, "bands"]
+    ground: Float[np.ndarray, "bands"]
+    alone: Float[np.ndarray, "layers bands"]
+    ladder: Ladder
+
+
+def render(
+    glaze: Glaze,
+    geometry: Geometry,
+    *,
+    layer: int = 0,
+    coat: float | None = None,
+    coats: int = LADDER_COATS,
+    illuminant: str = "D65",
+    observer: str | int = CIE_1931,
+    tolerance: float = 1e-6,
+) -> Rendering:
+    """Compute a glaze, its ground, its layers and its ladder in one batch of the solver.
+
+    Args:
+        glaze: one glaze, without batch axes, of one layer at least.
+        geometry: what the instrument does.
+        layer: which layer the ladder repeats, counted from 0 at the top.
+        coat: thickness of one coat of the ladder in m; that of the layer if left out.
+        coats: longest stack of the ladder.
+        illuminant, observer: under which mixing is matched to the first coat.
+        tolerance: of the solver.
+
+    Raises:
+        ValueError: `layer` is not in the glaze, `coats` is below 1, the glaze has batch axes, or what
+            `reflectance` and `lab` refuse.
+    """
+    grid, count = glaze.wavelengths, len(glaze.layers)
+    if not 0 <= layer < count:
+        raise ValueError(f"the ladder repeats layer {layer}, but layers are numbered 0 to {count - 1}")
+    if coats < 1:
+        raise ValueError(f"a ladder needs 1 coat or more, not {coats}")
+    thickness = np.array([np.asarray(la.thickness) for la in glaze.layers])
+    if thickness.ndim != 1:
+        raise ValueError("render takes one glaze: thicknesses must be single numbers")
+    step = float(thickness[layer]) if coat is None else float(coat)
+    counts = np.arange(coats + 1)
+    # Rows of one batch: the whole stack, the bare ground, each layer alone, one coat alone, then the ladder.
+    coat_alone = np.where(np.arange(count) == layer, step, 0.0)
+    ladder = np.tile(thickness, (coats + 1, 1))
+    ladder[:, layer] = np.minimum(counts * step, MAX_THICKNESS)
+    rows = np.concatenate([np.stack([thickness, 0 * thickness]), np.diag(thickness), coat_alone[None], ladder])
+    paleness = _paleness(grid.size)
+    values = np.asarray(reflectance(_batch(glaze, rows, paleness), geometry, tolerance=tolerance))
+    spectra, opaque = values[: len(rows)], _Opaque(paleness.ravel(), values[len(rows) :].ravel())
+    ground, first, steps = spectra[1], spectra[2 + count], spectra[3 + count :]
+    multiply = _multiply(ground, first, steps[0], counts, opaque.surface)
+    medium = glaze.layers[layer].medium
+    portion = np.stack([np.asarray(medium.absorption), np.asarray(medium.scattering)]) * step
+    mixing = _mixing(opaque, portion, steps[0], steps[1], counts, (grid, illuminant, observer))
+    return Rendering(
+        wavelengths=grid,
+        glaze=spectra[0],
+        ground=ground,
+        alone=spectra[2 : 2 + count],
+        ladder=Ladder(layer, counts, steps, multiply, mixing, capped=coats * step > MAX_THICKNESS),
+    )
+
+
+def _paleness(bands: int) -> Float[np.ndarray, "rows bands"]:
+    """Rising values of (1 - albedo)^(1/4) from 0 to 1 that fill whole rows of bands.
+
+    The fourth root, because the reflectance of opaque paint starts as 1 - c sqrt(1 - albedo).
+    """
+    rows = -(-_TABLE // bands)
+    return np.linspace(0.0, 1.0, rows * bands).reshape(rows, bands)
+
+
+def _batch(
+    glaze: Glaze, thickness: Float[np.ndarray, "stacks layers"], paleness: Float[np.ndarray, "rows bands"]
+) -> Glaze:
+    """Every stack wanted as one glaze with a batch axis; the last rows are opaque paints on a white ground."""
+    bands, opaque = glaze.wavelengths.size, len(paleness)
+    # The thickest coat possible is what makes this extinction opaque.
+    extinction = _OPAQUE / MAX_THICKNESS
+    layers = []
+    for i, layer in enumerate(glaze.layers):
+        mine = thickness[:, i]
+        k, s = (np.broadcast_to(c, (len(mine), bands)) for c in (layer.medium.absorption, layer.medium.scattering))
+        if i == 0:
+            k = np.concatenate([k, extinction * paleness**4])
+            s = np.concatenate([s, extinction * (1 - paleness**4)])
+            depth = np.concatenate([mine, np.full(opaque, MAX_THICKNESS)])
+        else:
+            k, s = (np.concatenate([c, np.zeros((opaque, bands))]) for c in (k, s))
+            depth = np.concatenate([mine, np.zeros(opaque)])
+        layers.append(Layer(Pigment(layer.medium.name, glaze.wavelengths, k, s), depth))
+    ground = np.broadcast_to(glaze.substrate, (len(thickness), bands))
+    return Glaze(layers, np.concatenate([ground, np.ones((opaque, bands))]), glaze.refractive_index)
+
+
+@dataclass(frozen=True)
+class _Opaque:
+    """Reflectance of opaque paint against its paleness (1 - albedo)^(1/4): falls from white to black."""
+
+    paleness: Float[np.ndarray, "entries"]
+    values: Float[np.ndarray, "entries"]
+
+    @property
+    def surface(self) -> float:
+        """What a black paint shows: the reflection from the outer surface, if the instrument includes it."""
+        return float(self.values[-1])
+
+    def reflectance(self, paleness: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+        return np.interp(paleness, self.paleness, self.values)
+
+    def paleness_of(self, reflectance: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
+        return np.interp(reflectance, self.values[::-1], self.paleness[::-1])
+
+
+def _multiply(
+    ground: Float[np.ndarray, "bands"],
+    first: Float[np.ndarray, "bands"],
+    below: Float[np.ndarray, "bands"],
+    counts: Int[np.ndarray, "steps"],
+    surface: float,
+) -> Float[np.ndarray, "steps bands"]:
+    """R_0 (R_1/R_ground)^n, without the reflection from the surface, which no coat below it can change."""
+    ground, first, below = (np.clip(r - surface, 0.0, None) for r in (ground, first, below))
+    ratio = np.minimum(first, ground) / np.where(ground > 0, ground, 1.0)
+    return surface + below * np.where(ground > 0, ratio, 1.0) ** counts[:, None]
+
+
+def _mixing(
+    opaque: _Opaque,
+    portion: Float[np.ndarray, "2 bands"],
+    base: Float[np.ndarray, "bands"],
+    first: Float[np.ndarray, "bands"],
+    counts: Int[np.ndarray, "steps"],
+    sight: tuple[Float[np.ndarray, "bands"], str, str | int],
+) -> Float[np.ndarray, "steps bands"]:
+    """n portions of paint, given as k d and s d, stirred into an opaque paint that looks like `base`."""
+    grid, illuminant, observer = sight
+    absorbing, depth = portion[0], portion.sum(axis=0)
+    below = opaque.paleness_of(base) ** 4
+
+    def stirred(
+        n: Float[np.ndarray, "... 1"] | Int[np.ndarray, "... 1"], amount: Float[np.ndarray, "... 1"] | float
+    ) -> Float[np.ndarray, "... bands"]:
+        paleness = ((n * absorbing + amount * below) / (n * depth + amount)) ** 0.25
+        return opaque.reflectance(paleness)
+
+    def colour(spectra: Float[np.ndarray, "... bands"]) -> Float[np.ndarray, "... 3"]:
+        return np.asarray(lab(grid, jnp.asarray(spectra), illuminant=illuminant, observer=observer))
+
+    scale = float(depth.max()) or 1.0
+    amounts = scale * np.logspace(-4, 6, 10 * _PER_DECADE + 1)[:, None]
+    distance = np.linalg.norm(colour(stirred(np.ones((1, 1)), amounts)) - colour(first), axis=-1)
+    mixed = stirred(counts[:, None], float(amounts[distance.argmin(), 0]))
+    mixed[0] = base  # What is below may be brighter than any paint; then only this step shows it.
+    return mixed

@@ -1,0 +1,153 @@
+"""The command ``glazejax scene``: a scene file in, a picture and its spectra out."""
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from ..appearance.scene.file import SceneFile
+    from ..appearance.scene.render import Rendered
+
+# What a shell reports of a program stopped from the keyboard.
+_INTERRUPTED = 130
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command `scene` to the application."""
+    app.command("scene")(scene)
+
+
+def scene(
+    file: Annotated[Path | None, typer.Argument(metavar="FILE", help="Scene file (TOML).", show_default=False)] = None,
+    out: Annotated[Path, typer.Option("--out", "-o", help="Picture to write, .png.")] = Path("scene.png"),
+    spectral: Annotated[
+        Path | None,
+        typer.Option(help="Also write the spectrum of every pixel: .npz or .exr (OpenEXR).", show_default=False),
+    ] = None,
+    size: Annotated[
+        str | None,
+        typer.Option(help="Pixels instead of the file's, such as 160x120 for a quick look.", show_default=False),
+    ] = None,
+    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")] = False,
+    example: Annotated[bool, typer.Option("--example", help="Print a scene file to start from, and stop.")] = False,
+) -> None:
+    """A picture of glazed things under lamps, computed band by band.
+
+    Glazes are those of `glazejax render`, seen from every angle; there are
+    plain and shiny paints, metals, thickness maps, shadows and mirror
+    reflections. Ctrl-C keeps what is done: a picture with grey where it is not.
+
+    Example: glazejax scene --example > scene.toml
+             glazejax scene scene.toml -o scene.png
+    """
+    if example:
+        from ..appearance.scene.file import example as text
+
+        typer.echo(text(), nl=False)
+        return
+    if file is None:
+        raise ValueError("name a scene file; glazejax scene --example prints one to start from")
+    _check_output(out, spectral, overwrite)
+    from .main import start_jax
+
+    start_jax()
+    started = time.perf_counter()
+    from ..appearance.scene.file import describe, read_scene
+
+    found = read_scene(file)
+    if size is not None:
+        found = _resized(found, size)
+    typer.echo(f"scene  {file}: {describe(found)}")
+    rendered = _render(found, spectral is not None)
+    if rendered.done == 0:
+        typer.echo("stopped before the first pixel: nothing is written", err=True)
+        raise typer.Exit(_INTERRUPTED)
+    _write(found, rendered, out, spectral)
+    files = str(out) if spectral is None else f"{out} and {spectral}"
+    typer.echo(f"wrote  {files} in {time.perf_counter() - started:.1f} s")
+    if rendered.done < 1:
+        words = f"{rendered.done:.0%} of the picture is finished, the rest is grey"
+        if rendered.done > 0.99:
+            words = "every pixel is there, but not all edges and highlights are smooth"
+        typer.echo(f"stopped: {words}", err=True)
+        raise typer.Exit(_INTERRUPTED)
+
+
+def _check_output(out: Path, spectral: Path | None, overwrite: bool) -> None:
+    """Refuse what could not be written in the end, before anything is computed."""
+    if out.suffix.lower() != ".png":
+        raise ValueError(f"{out}: the picture is written as .png; spectra go to --spectral FILE.npz or FILE.exr")
+    if spectral is not None:
+        from ..appearance.scene.picture import check_spectral
+
+        check_spectral(spectral)
+    from ..io.outputs import check_output
+
+    for path in (out, spectral):
+        if path is not None:
+            check_output(path, overwrite=overwrite)
+
+
+def _resized(found: "SceneFile", text: str) -> "SceneFile":
+    """The scene with other numbers of pixels."""
+    from dataclasses import replace
+
+    try:
+        width, height = (int(part) for part in text.lower().split("x"))
+    except ValueError:
+        raise ValueError(f"--size {text!r}: write WIDTHxHEIGHT in pixels, such as 160x120") from None
+    try:
+        return replace(found, scene=replace(found.scene, width=width, height=height))
+    except ValueError as error:
+        raise ValueError(f"--size {text!r}: {error}") from None
+
+
+def _render(found: "SceneFile", spectral: bool) -> "Rendered":
+    """The picture, with a progress bar on the terminal."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+    from ..appearance.scene.render import render
+
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"))
+    with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("reading", total=1.0)
+
+        def told(share: float, words: str) -> None:
+            bar.update(task, completed=share, description=words)
+
+        return render(found.scene, spectral=spectral, tolerance=found.tolerance, progress=told)
+
+
+def _write(found: "SceneFile", rendered: "Rendered", out: Path, spectral: Path | None) -> None:
+    """Files, and what was left out."""
+    from ..appearance.display.display import Display
+    from ..appearance.scene.picture import (
+        light_white,
+        picture_xyz,
+        save_png,
+        save_spectral,
+        screen_picture,
+    )
+
+    if spectral is not None:
+        save_spectral(spectral, rendered)
+    wavelengths = found.scene.wavelengths
+    screen = screen_picture(
+        picture_xyz(rendered, wavelengths),
+        light_white(found.white, wavelengths),
+        Display.preset(found.display),
+        exposure=found.exposure,
+        gamut=found.gamut,  # type: ignore[arg-type]
+    )
+    save_png(out, screen.rgb)
+    for line in rendered.report.describe().splitlines():
+        typer.echo(f"       {line}")
+    if screen.bright > 0:
+        words = f"{screen.bright:.1%} of the pixels are brighter than the screen's white; a lower exposure shows them"
+        typer.echo(f"note   {words}", err=True)
+    if screen.colourful > 0:
+        words = f"{screen.colourful:.1%} of the pixels are more colourful than {found.display} can show"
+        typer.echo(f"note   {words}: they are brought inside ([picture] gamut = {found.gamut!r})", err=True)

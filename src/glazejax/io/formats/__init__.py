@@ -1,0 +1,1 @@
+"""One file format a module; each reads into `RawSpectra` or a table."""

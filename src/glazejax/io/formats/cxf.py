@@ -1,0 +1,160 @@
+"""CxF3 (ISO 17972-1), the XML in which colour instruments exchange measurements, through colour-cxf."""
+
+import datetime
+import warnings
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...spectra import describe_grid
+from ..finish import MAX_DECLARED, RawSpectra
+from ..spectra_table import SpectraTable
+
+_NAMESPACE = b"colorexchangeformat.com/CxF3-core"
+# Bounds of CxF3's schema for the first wavelength.
+_FIRST = (360, 400)
+
+
+def _library() -> Any:
+    """The package colour-cxf, or a clear error."""
+    try:
+        import colour_cxf
+    except ImportError:
+        raise ValueError("CxF3 needs the package colour-cxf (Python 3.13 or older): pip install colour-cxf") from None
+    return colour_cxf
+
+
+def read_cxf(path: Path) -> RawSpectra:
+    """Read the reflectance spectra of all objects of a CxF3 file.
+
+    The first wavelength stands in each spectrum or in its colour specification, the step in the specification. An
+    object with spectra of several specifications (M0, M1, ...) gives a row each; the specification is an attribute.
+
+    Raises:
+        ValueError: not XML, not CxF3, no reflectance spectra, no wavelengths for one, or wavelengths that differ.
+    """
+    content = path.read_bytes()
+    if _NAMESPACE not in content:
+        raise ValueError(f"{path}: XML, but not CxF3 (no namespace http://{_NAMESPACE.decode()})")
+    cxf = _library()
+    try:
+        with warnings.catch_warnings():
+            # A value outside the schema comes back as text, and is refused below with its place.
+            warnings.simplefilter("ignore")
+            document = cxf.read_cxf(content)
+    except Exception as error:
+        raise ValueError(f"{path}: not legal CxF3: {_one_line(error)}") from None
+    resources = document.resources
+    collection = resources.color_specification_collection if resources else None
+    ranges = {
+        spec.id: spec.measurement_spec.wavelength_range
+        for spec in (collection.color_specification if collection else [])
+        if spec.measurement_spec
+    }
+    names, values, specifications, grid = [], [], [], None
+    objects = resources.object_collection.object_value if resources and resources.object_collection else []
+    for thing in objects:
+        spectra = [c for c in (thing.color_values.choice if thing.color_values else []) if _is_reflectance(c)]
+        for spectrum in spectra:
+            name = thing.name or thing.id or f"object {len(names) + 1}"
+            if len(spectra) > 1:
+                name += f" ({spectrum.name or spectrum.color_specification})"
+            here = _wavelengths(path, name, spectrum, ranges.get(spectrum.color_specification))
+            if grid is not None and (here.size != grid.size or (here != grid).any()):
+                raise ValueError(
+                    f"{path}: {name!r} is on {here[0]:g}-{here[-1]:g} nm ({here.size} bands) and {names[0]!r} on "
+                    f"{grid[0]:g}-{grid[-1]:g} nm ({grid.size} bands); a table has one grid: export them apart"
+                )
+            grid = here
+            names.append(name)
+            values.append(spectrum.value)
+            specifications.append(spectrum.color_specification or "")
+    if grid is None:
+        raise ValueError(f"{path}: CxF3 without reflectance spectra ({len(objects)} objects)")
+    table = np.array(values, float)
+    # The standard says fractions below 3. Who goes beyond has not kept to it and is looked at like any other.
+    scale = 1.0 if table.max() <= MAX_DECLARED else None
+    return RawSpectra(grid, names, table, "CxF3", scale=scale, attributes={"ColorSpecification": specifications})
+
+
+def _is_reflectance(choice: object) -> bool:
+    return type(choice).__name__ == "ReflectanceSpectrum"
+
+
+def _wavelengths(path: Path, name: str, spectrum: Any, measured: Any) -> np.ndarray:
+    """Wavelengths of one spectrum."""
+    if not spectrum.value:
+        raise ValueError(f"{path}: the spectrum of {name!r} is empty")
+    # Where one of the numbers is none, the library leaves the whole text, or that word, as it is.
+    words = spectrum.value.split() if isinstance(spectrum.value, str) else spectrum.value
+    wrong = [word for word in words if not _is_number(word)]
+    if wrong:
+        raise ValueError(f"{path}: the spectrum of {name!r} holds {str(wrong[0])[:20]!r}, not a number")
+    start = spectrum.start_wl if spectrum.start_wl is not None else getattr(measured, "start_wl", None)
+    step = getattr(measured, "increment", None)
+    try:
+        first, width = float(start), float(step)  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"{path}: no wavelengths for {name!r}: its ColorSpecification {spectrum.color_specification!r} has no "
+            "legal WavelengthRange with StartWL and Increment"
+        ) from None
+    return first + width * np.arange(len(spectrum.value))
+
+
+def format_cxf(table: SpectraTable) -> bytes:
+    """A table as CxF3; the instrument's geometry is declared unknown, as a table does not carry it.
+
+    Raises:
+        ValueError: wavelengths that CxF3 cannot say: they must begin at a whole number from 360 to 400 nm and go in
+            equal whole steps.
+    """
+    cxf = _library()
+    core = cxf.cxf3
+    steps = np.diff(table.wavelengths)
+    first, step = float(table.wavelengths[0]), float(steps[0]) if steps.size else 1.0
+    even = first.is_integer() and step.is_integer() and bool((steps == step).all())
+    if not (even and _FIRST[0] <= first <= _FIRST[1]):
+        last = table.wavelengths[-1]
+        way = "resample first, to 400:700:10 say" if first <= 400 and last >= 700 else "write CSV or ENVI"
+        raise ValueError(
+            f"CxF3 holds wavelengths that begin at {_FIRST[0]} to {_FIRST[1]} nm and go in equal whole steps, not "
+            f"{describe_grid(table.wavelengths)}: {way}"
+        )
+    from xsdata.models.datatype import XmlDateTime
+
+    now = core.CreationDate(XmlDateTime.from_datetime(datetime.datetime.now(datetime.UTC).replace(microsecond=0)))
+    objects = [
+        core.Object(
+            object_type="Standard",
+            name=name,
+            id=f"o{number}",
+            creation_date=now,
+            color_values=core.ColorValues([core.ReflectanceSpectrum(row.tolist(), color_specification="c1")]),
+        )
+        for number, (name, row) in enumerate(zip(table.names, table.reflectance, strict=True), start=1)
+    ]
+    measurement = core.MeasurementSpec(
+        core.MeasurementType(core.EspectrumType.SPECTRUM_REFLECTANCE),
+        core.GeometryChoice("unknown"),
+        core.WavelengthRange(int(first), int(step)),
+    )
+    specifications = [core.ColorSpecification(measurement_spec=measurement, id="c1")]
+    document = core.CxF(
+        core.FileInformation(creator="glazejax", creation_date=now),
+        core.Resources(core.ObjectCollection(objects), core.ColorSpecificationCollection(specifications)),
+    )
+    return cxf.write_cxf(document)
+
+
+def _is_number(word: Any) -> bool:
+    try:
+        float(word)
+    except (TypeError, ValueError):
+        return False
+    return True
+
+
+def _one_line(error: BaseException) -> str:
+    return " ".join(str(error).split())[:200]

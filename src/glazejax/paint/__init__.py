@@ -1,0 +1,1 @@
+"""What a painter describes: pigments, mixtures, coats and stacks of them."""

@@ -1,0 +1,395 @@
+"""What a painter describes: pigments, their mixtures, layers and glazes.
+
+All of them are equinox modules, hence pytrees: they pass through jit, vmap and grad. Values are checked when
+an object is built from concrete numbers; inside a traced function only shapes are.
+
+Coefficients are those of radiative transfer, k (absorption) and s (scattering) in 1/m. They are not
+Kubelka-Munk's K and S: K = 2k and, for isotropic scattering, S is about 3s/4. Scattering is isotropic unless a
+phase function is given.
+"""
+
+import functools
+import operator
+from collections.abc import Sequence
+from typing import Self
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from ..spectra import (
+    Grid,
+    Numbers,
+    Spectra,
+    as_array,
+    as_float_array,
+    concrete,
+    describe_grid,
+    interpolation_matrix,
+    same_grid,
+    validate_wavelengths,
+)
+from .phase import blended, legal_phase, stacked
+
+MAX_THICKNESS = 0.01
+# Below this extinction (1/m) a centimetre of paint is clear to 1e-14, and squares still fit in float32.
+_CLEAR = 1e-12
+
+
+def _check_range(name: str, values: Numbers, low: float, high: float, hint: str = "") -> None:
+    """Refuse concrete values that are not numbers in [low, high]."""
+    array = concrete(values)
+    if array is None:
+        return
+    if not (jnp.issubdtype(array.dtype, jnp.floating) or jnp.issubdtype(array.dtype, jnp.integer)):
+        raise ValueError(f"{name} must be real numbers, not {array.dtype}")
+    wrong = array[~((array >= low) & (array <= high) & np.isfinite(array))]
+    if wrong.size:
+        bounds = f"finite and at least {low:g}" if high == np.inf else f"in [{low:g}, {high:g}]"
+        value = float(wrong.flat[0])
+        raise ValueError(f"{name} must be {bounds}, not {value:g}{hint if value > high else ''}")
+
+
+class Pigment(eqx.Module):
+    """One paint: how strongly it absorbs and scatters at every wavelength.
+
+    Args:
+        name: name of the paint.
+        wavelengths: (bands,), nm, ascending. Static: the grid belongs to the program, not to its data.
+        absorption: (..., bands), k in 1/m, >= 0.
+        scattering: (..., bands), s in 1/m, >= 0.
+        identifiable: (bands,), booleans: where the data that k and s were fitted to determine both; where
+            not, only their ratio is known. None if not stated.
+        absorption_sd: (..., bands), standard deviation of k in 1/m, or None.
+        scattering_sd: (..., bands), standard deviation of s in 1/m, or None.
+        phase: Legendre moments of the phase function (`glazejax.radiative.phase`), (terms,) or (bands, terms); None
+            is isotropic scattering.
+        provenance: where the numbers come from, and the assumed thickness if they rest on one.
+
+    Raises:
+        ValueError: shapes do not match, a coefficient is negative or not finite, or moments are no phase function's.
+    """
+
+    name: str = eqx.field(static=True)
+    absorption: Float[Array, "*batch bands"]
+    scattering: Float[Array, "*batch bands"]
+    absorption_sd: Float[Array, "*batch bands"] | None
+    scattering_sd: Float[Array, "*batch bands"] | None
+    phase: Float[Array, "*bands terms"] | None
+    provenance: str = eqx.field(static=True)
+    # Tuples, because what is static must be hashable, and booleans as leaves would break jax.grad.
+    _grid: tuple[float, ...] = eqx.field(static=True)
+    _identifiable: tuple[bool, ...] | None = eqx.field(static=True)
+
+    def __init__(
+        self,
+        name: str,
+        wavelengths: Grid,
+        absorption: Spectra,
+        scattering: Spectra,
+        *,
+        identifiable: Grid | None = None,
+        absorption_sd: Spectra | None = None,
+        scattering_sd: Spectra | None = None,
+        phase: Numbers | None = None,
+        provenance: str = "",
+    ):
+        grid = validate_wavelengths(wavelengths)
+
+        def spectrum(what: str, values: Numbers) -> Float[Array, "*batch bands"]:
+            what = f"{what} of {name!r}"
+            values = as_array(values)
+            if values.shape[-1:] != grid.shape:
+                raise ValueError(
+                    f"{what} has shape {values.shape}, which does not end in the {grid.size} bands of its wavelengths"
+                )
+            _check_range(what, values, 0.0, np.inf)
+            return as_float_array(values)
+
+        self.name = name
+        self.absorption = spectrum("absorption", absorption)
+        self.scattering = spectrum("scattering", scattering)
+        self.absorption_sd = None if absorption_sd is None else spectrum("absorption_sd", absorption_sd)
+        self.scattering_sd = None if scattering_sd is None else spectrum("scattering_sd", scattering_sd)
+        self.phase = None if phase is None else legal_phase(repr(name), phase, grid.size)
+        self.provenance = provenance
+        self._grid = tuple(grid.tolist())
+        if identifiable is None:
+            self._identifiable = None
+        else:
+            mask = np.asarray(identifiable)
+            if mask.shape != grid.shape or mask.dtype != bool:
+                raise ValueError(f"identifiable of {name!r} must be {grid.size} booleans, one a band")
+            self._identifiable = tuple(mask.tolist())
+
+    @property
+    def wavelengths(self) -> Float[np.ndarray, "bands"]:
+        """Wavelengths in nm, (bands,)."""
+        return np.asarray(self._grid)
+
+    @property
+    def identifiable(self) -> Bool[np.ndarray, "bands"] | None:
+        """Where both k and s are determined by the data, (bands,), or None if not stated."""
+        return None if self._identifiable is None else np.asarray(self._identifiable)
+
+    def resample(self, wavelengths: Grid) -> Self:
+        """The same paint on another grid (nm), by linear interpolation.
+
+        A new band counts as identifiable if the old bands that it is interpolated from are.
+
+        Raises:
+            ValueError: the new grid is not legal or reaches beyond the old one.
+        """
+        matrix = interpolation_matrix(self.wavelengths, wavelengths)
+
+        def at(values: Float[Array, "*batch bands"] | None) -> Float[Array, "*batch new"] | None:
+            if values is None:
+                return None
+            return jnp.matmul(values, jnp.asarray(matrix, dtype=values.dtype), precision="highest")
+
+        k, s, phase = at(self.absorption), at(self.scattering), self.phase
+        if phase is not None and phase.ndim == 2 and phase.shape[0] > 1:
+            phase = jnp.matmul(jnp.asarray(matrix.T, dtype=phase.dtype), phase, precision="highest")
+        assert k is not None
+        assert s is not None
+        return type(self)(
+            self.name,
+            wavelengths,
+            k,
+            s,
+            identifiable=None if self.identifiable is None else ~np.any(matrix[~self.identifiable] > 0, axis=0),
+            absorption_sd=at(self.absorption_sd),
+            scattering_sd=at(self.scattering_sd),
+            phase=phase,
+            provenance=self.provenance,
+        )
+
+    def __repr__(self) -> str:
+        return f"Pigment({self.name!r}, {describe_grid(self.wavelengths)})"
+
+
+class Mixture(eqx.Module):
+    """Paints mixed in known proportions; coefficients add: k = sum c_i k_i, s = sum c_i s_i.
+
+    Phase functions are averaged by the light that each paint scatters, c_i s_i.
+
+    Args:
+        pigments: one or more paints on the same wavelengths.
+        weights: (..., pigments), fractions >= 0 that sum to 1 within 1e-6.
+        name: name of the mixture; made of its parts if left out.
+
+    Raises:
+        ValueError: no pigments, another number of weights, a negative weight, a sum that is not 1, or
+            pigments on different grids.
+
+    Source: the linear law of Duncan (1940) for Kubelka-Munk coefficients, which radiative transfer shares.
+    """
+
+    pigments: tuple[Pigment, ...]
+    weights: Float[Array, "*batch pigments"]
+    name: str = eqx.field(static=True)
+
+    def __init__(
+        self,
+        pigments: Sequence[Pigment],
+        weights: Numbers,
+        name: str | None = None,
+    ):
+        pigments = tuple(pigments)
+        if not pigments:
+            raise ValueError("a mixture needs at least one pigment")
+        _check_grids([(p.name, p.wavelengths) for p in pigments])
+        fractions = as_array(weights)
+        if fractions.shape[-1:] != (len(pigments),):
+            raise ValueError(
+                f"weights of shape {fractions.shape} do not end in one for each of {len(pigments)} pigments"
+            )
+        _check_range("weights", fractions, 0.0, np.inf)
+        values = concrete(fractions)
+        if values is not None:
+            totals = values.astype(np.float64).sum(axis=-1).ravel()
+            worst = totals[np.abs(totals - 1.0).argmax()] if totals.size else 1.0
+            if abs(worst - 1.0) > 1e-6:
+                fix = "divide them by their sum" if worst > 0 else "at least one must be positive"
+                raise ValueError(f"weights must sum to 1, but sum to {worst:.7g}: {fix}")
+        self.pigments = pigments
+        self.weights = as_float_array(fractions)
+        self.name = " + ".join(p.name for p in pigments) if name is None else name
+
+    @property
+    def wavelengths(self) -> Float[np.ndarray, "bands"]:
+        """Wavelengths in nm, (bands,)."""
+        return self.pigments[0].wavelengths
+
+    @property
+    def absorption(self) -> Float[Array, "*batch bands"]:
+        """Absorption k in 1/m, (..., bands)."""
+        return self._blend([p.absorption for p in self.pigments])
+
+    @property
+    def scattering(self) -> Float[Array, "*batch bands"]:
+        """Scattering s in 1/m, (..., bands)."""
+        return self._blend([p.scattering for p in self.pigments])
+
+    @property
+    def phase(self) -> Float[Array, "*batch bands terms"] | None:
+        """Legendre moments of the phase function, (..., bands, terms), or None if all paints scatter isotropically."""
+        parts = [self.weights[..., i, None] * p.scattering for i, p in enumerate(self.pigments)]
+        return blended([p.phase for p in self.pigments], parts)
+
+    def _blend(self, spectra: Sequence[Float[Array, "*batch bands"]]) -> Float[Array, "*batch bands"]:
+        """Sum of spectra, weighted."""
+        return functools.reduce(operator.add, [self.weights[..., i, None] * values for i, values in enumerate(spectra)])
+
+    def resample(self, wavelengths: Grid) -> Self:
+        """The same mixture on another grid (nm); see `Pigment.resample`."""
+        return type(self)([p.resample(wavelengths) for p in self.pigments], self.weights, self.name)
+
+    def __repr__(self) -> str:
+        return f"Mixture({self.name!r}, {describe_grid(self.wavelengths)})"
+
+
+class Layer(eqx.Module):
+    """A homogeneous coat of paint.
+
+    Args:
+        medium: what it is made of.
+        thickness: scalar or (...), m, in [0, 0.01]; 0 is exactly no layer.
+        phase: Legendre moments of its phase function, (terms,) or (bands, terms), in place of those of the medium.
+
+    Raises:
+        ValueError: moments are no phase function's, or the thickness is negative, not finite, or so large that it
+            cannot be in metres.
+    """
+
+    medium: Pigment | Mixture
+    thickness: Float[Array, "*batch"]
+    _phase: Float[Array, "*bands terms"] | None
+
+    def __init__(self, medium: Pigment | Mixture, thickness: Numbers, phase: Numbers | None = None):
+        _check_range(
+            f"thickness of {medium.name!r}",
+            thickness,
+            0.0,
+            MAX_THICKNESS,
+            ": thickness is in metres (20 micrometres are 20e-6)",
+        )
+        self.medium = medium
+        self.thickness = as_float_array(thickness)
+        self._phase = (
+            None if phase is None else legal_phase(f"layer of {medium.name!r}", phase, medium.wavelengths.size)
+        )
+
+    @property
+    def phase(self) -> Float[Array, "*batch bands terms"] | None:
+        """Legendre moments of the phase function, (..., bands or nothing, terms), or None for isotropic scattering."""
+        return self.medium.phase if self._phase is None else self._phase
+
+    def __repr__(self) -> str:
+        values = concrete(self.thickness)
+        size = f"{float(values) * 1e6:g} um" if values is not None and values.ndim == 0 else f"{self.thickness}"
+        return f"Layer({self.medium.name!r}, {size})"
+
+
+class Glaze(eqx.Module):
+    """Layers of paint on a ground, under one smooth surface.
+
+    ::
+
+            air
+        ~~~~~~~~~~~~  smooth surface, refractive index n below it
+         layers[0]
+         layers[1]
+        ============  Lambertian ground
+
+    Args:
+        layers: top first, all on the same wavelengths; empty for bare ground.
+        substrate: reflectance of the ground inside the medium, scalar or (..., bands), in [0, 1].
+        refractive_index: of all layers, scalar or (..., bands), in [1, 2.5]. A Python number stays one and
+            is a constant under equinox's filtered transformations: the solver's fast path.
+
+    Raises:
+        ValueError: layers on different grids, shapes that do not match, or values out of range.
+    """
+
+    layers: tuple[Layer, ...]
+    substrate: Float[Array, "*batch"]
+    refractive_index: float | Float[Array, "*batch"]
+
+    def __init__(self, layers: Sequence[Layer], substrate: Numbers, refractive_index: Numbers = 1.5):
+        layers = tuple(layers)
+        substrate, index = as_array(substrate), as_array(refractive_index)
+        _check_grids([(layer.medium.name, layer.medium.wavelengths) for layer in layers])
+        _check_range("substrate", substrate, 0.0, 1.0, ", which looks like percent: divide it by 100")
+        _check_range("refractive_index", index, 1.0, 2.5)
+        if layers:
+            bands = layers[0].medium.wavelengths.size
+            for name, value in (("substrate", substrate), ("refractive_index", index)):
+                if value.shape[-1:] not in ((), (1,), (bands,)):
+                    raise ValueError(
+                        f"{name} has shape {value.shape}: its last axis must be the {bands} bands of the layers"
+                    )
+        self.layers = layers
+        self.substrate = as_float_array(substrate)
+        constant = index.ndim == 0 and isinstance(index, np.ndarray)
+        self.refractive_index = float(index) if constant else as_float_array(index)
+
+    @property
+    def wavelengths(self) -> Float[np.ndarray, "bands"]:
+        """Wavelengths of the layers in nm, (bands,).
+
+        Raises:
+            ValueError: there are no layers.
+        """
+        if not self.layers:
+            raise ValueError("a glaze without layers has no wavelengths of its own: use those of its substrate")
+        return self.layers[0].medium.wavelengths
+
+    @property
+    def albedo(self) -> Float[Array, "*batch bands layers"]:
+        """Single-scattering albedo s / (k + s), (..., bands, layers), top layer first.
+
+        Where k + s = 0 it is 0, with zero gradient: there a layer's derivative with respect to s is that
+        with respect to k, since the albedo of nothing has no limit.
+        """
+
+        def ratio(medium: Pigment | Mixture) -> Float[Array, "*batch bands"]:
+            extinction = medium.absorption + medium.scattering
+            clear = extinction <= _CLEAR
+            return jnp.where(clear, 0.0, medium.scattering) / jnp.where(clear, 1.0, extinction)
+
+        return self._stack([ratio(layer.medium) for layer in self.layers])
+
+    @property
+    def optical_thickness(self) -> Float[Array, "*batch bands layers"]:
+        """Optical thickness (k + s) d, (..., bands, layers), top layer first."""
+        return self._stack(
+            [(la.medium.absorption + la.medium.scattering) * la.thickness[..., None] for la in self.layers]
+        )
+
+    @property
+    def phase(self) -> Float[Array, "*batch bands layers terms"] | None:
+        """Legendre moments of the layers' phase functions, (..., bands or 1, layers, terms); None: all isotropic."""
+        return stacked([layer.phase for layer in self.layers])
+
+    def _stack(self, spectra: Sequence[Float[Array, "..."]]) -> Float[Array, "*batch bands layers"]:
+        """Spectra of the layers, side by side on a last axis; (..., bands, 0) for bare ground."""
+        if not spectra:
+            shape = jnp.broadcast_shapes(self.substrate.shape, np.shape(self.refractive_index), (1,))
+            return jnp.zeros((*shape, 0), dtype=self.substrate.dtype)
+        return jnp.stack(jnp.broadcast_arrays(*spectra), axis=-1)
+
+    def __repr__(self) -> str:
+        ground = f"substrate {self.substrate}" if self.substrate.ndim == 0 else f"substrate {self.substrate.shape}"
+        return f"Glaze([{', '.join(map(repr, self.layers))}], {ground}, n = {self.refractive_index})"
+
+
+def _check_grids(grids: Sequence[tuple[str, Float[np.ndarray, "..."]]]) -> None:
+    """Refuse media that do not share their wavelengths."""
+    for name, grid in grids[1:]:
+        if not same_grid(grids[0][1], grid):
+            raise ValueError(
+                f"wavelengths differ: {grids[0][0]!r} has {describe_grid(grids[0][1])}, {name!r} has "
+                f"{describe_grid(grid)}; bring them to one grid with .resample(wavelengths)"
+            )

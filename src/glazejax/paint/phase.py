@@ -1,0 +1,72 @@
+"""Phase functions of paint: which are legal, how mixing blends them, how layers of several kinds line up."""
+
+from collections.abc import Sequence
+from types import ModuleType
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..radiative.common.phase import check_moments
+from ..spectra import Numbers, as_array, as_float_array, concrete
+
+
+def legal_phase(what: str, phase: Numbers, bands: int) -> Float[Array, "*bands terms"]:
+    """Legendre moments of a paint, (terms,) for all its bands or (bands, terms).
+
+    Raises:
+        ValueError: another shape, or moments that no phase function has.
+    """
+    values = as_array(phase)
+    if values.ndim not in (1, 2) or (values.ndim == 2 and values.shape[0] not in (1, bands)):
+        raise ValueError(
+            f"phase of {what} has shape {values.shape}: give Legendre moments (terms,) for all bands, such as "
+            f"phase.henyey_greenstein(0.8), or ({bands}, terms)"
+        )
+    known = concrete(values)
+    if known is not None:
+        try:
+            check_moments(known)
+        except ValueError as error:
+            raise ValueError(f"{what}: {error}") from None
+    return as_float_array(values)
+
+
+def same_terms(phases: Sequence[Float[Array, "*batch terms"] | None]) -> list[Float[Array, "*batch terms"]]:
+    """Moments side by side: all with as many terms as the longest, isotropic where there is None."""
+    terms = max(1 if p is None else p.shape[-1] for p in phases)
+    found = [np.ones(1) if p is None else p for p in phases]
+    return [_module(p).pad(p, [(0, 0)] * (p.ndim - 1) + [(0, terms - p.shape[-1])]) for p in found]
+
+
+def stacked(phases: Sequence[Float[Array, "*batch terms"] | None]) -> Float[Array, "*batch bands layers terms"] | None:
+    """Moments of layers, (..., bands or 1, layers, terms); None if all are isotropic."""
+    if all(p is None for p in phases):
+        return None
+    each = [p[None] if p.ndim == 1 else p for p in same_terms(phases)]
+    xp = _module(*each)
+    return xp.stack(xp.broadcast_arrays(*each), axis=-2)
+
+
+def _module(*arrays) -> ModuleType:
+    """numpy for what is known, so that it stays known under jit: how many moments count is read from it."""
+    return np if all(concrete(a) is not None for a in arrays) else jnp
+
+
+def blended(
+    phases: Sequence[Float[Array, "*bands terms"] | None], scattering: Sequence[Float[Array, "*batch bands"]]
+) -> Float[Array, "*batch bands terms"] | None:
+    """Moments of a mixture: each paint's by its share of the light scattered; None if all are isotropic.
+
+    Args:
+        phases: of the parts.
+        scattering: what each part scatters in the mixture, s in 1/m.
+    """
+    if all(p is None for p in phases):
+        return None
+    total = sum(scattering[1:], scattering[0])
+    clear = total <= 0
+    # Where nothing is scattered the moments do not count; those of equal parts are as good as any.
+    shares = [jnp.where(clear, 1.0 / len(scattering), s / jnp.where(clear, 1.0, total)) for s in scattering]
+    parts = [share[..., None] * p for share, p in zip(shares, same_terms(phases), strict=True)]
+    return sum(parts[1:], parts[0])

@@ -1,0 +1,14 @@
+from . import auxiliary as auxiliary
+from . import manyflux as manyflux
+from . import plan as plan
+from . import profile as profile
+from . import stack as stack
+from . import twoflux as twoflux
+from .common import fresnel as fresnel
+from .common import phase as phase
+from .profile import profile_hemispherical_reflectance as profile_hemispherical_reflectance
+from .profile import profile_reflectance_factor as profile_reflectance_factor
+from .stack import split_hemispherical_reflectance as split_hemispherical_reflectance
+from .stack import split_reflectance_factor as split_reflectance_factor
+from .stack import stack_hemispherical_reflectance as stack_hemispherical_reflectance
+from .stack import stack_reflectance_factor as stack_reflectance_factor

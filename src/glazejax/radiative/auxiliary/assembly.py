@@ -1,0 +1,169 @@
+"""The matrices of the auxiliary function method where every stack has a step of its own (paper A, section 3).
+
+`direct` is the conventional assembly: each of the Q x Q entries is its own double quadrature, over the segment and
+over the directions. `decomposed` makes the same matrix from Q numbers of H and 2Q - 1 of U, exactly (section 4.1).
+"""
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int, PyTree
+
+from ..common.directions import gauss
+from ..common.exponential_integrals import cone_nodes, expn
+
+# Nodes of the direct quadrature, the fewest that leave every entry within 1e-6 (at steps to 0.04; beyond, the error
+# grows with the step). That is where the paper's MATLAB stops by default.
+_SEGMENT_NODES = 4
+_GRAZING_NODES = 14
+_CONE_NODES = 6
+_OWN_SEGMENT_NODES = 8
+_OWN_GRAZING_NODES = 32
+# Points of an even grid whose exponentials are products.
+_RUN = 16
+# exp(-x/mu) counts for nothing where mu is smaller than x by this factor.
+_NEGLIGIBLE_DEPTH = 16.0
+
+
+class Operator(NamedTuple):
+    """H + U, the vectors M and M' and the number K of every stack (eqs (18), (20), (25))."""
+
+    matrix: Float[Array, "stacks n n"]  # [segment, node]: symmetric but for the error of a quadrature
+    m: Float[Array, "n stacks"]
+    m_integrated: Float[Array, "n stacks"]
+    k: Float[Array, "stacks"]
+
+
+def decomposed(
+    step: Float[Array, "stacks"], count: Int[Array, "stacks"], most: int, refractive_index: float
+) -> Operator:
+    """From Q numbers of H, 2Q - 1 of U and 2Q of M and M' for each stack, all exact.
+
+    Args:
+        step: dh of each stack, > 0.
+        count: Q of each stack.
+        most: Q_max, rows of all matrices; those beyond a stack's own have no meaning.
+        refractive_index: n.
+    """
+
+    values = computed_once(lambda: _values(step, count, most, refractive_index), step)
+
+    def numbers() -> tuple[Array, ...]:
+        e2, j1 = values[:2]
+        toeplitz = jnp.concatenate([2.0 * (1.0 - e2[:, :1]), e2[:, :-1] - e2[:, 1:]], axis=1)
+        return toeplitz, j1[:, :-1] - j1[:, 1:], *_ground(values, count)
+
+    toeplitz, hankel, *ground = computed_once(numbers, step)
+    return Operator(toeplitz_plus_hankel(toeplitz, hankel), *ground)
+
+
+def direct(step: Float[Array, "stacks"], count: Int[Array, "stacks"], most: int, refractive_index: float) -> Operator:
+    """The same, every entry of H + U by its own quadrature over the segment and over mu.
+
+    Four Gauss nodes in the segment; in mu, where exp(-x/mu)/mu varies over decades, Gauss nodes in ln mu down to a
+    sixteenth of the nearest distance, and for U the cone of refraction apart. The segment's own E_1 has a logarithm
+    inside, so its two halves get nodes that crowd at the midpoint. M and M' are vectors already.
+    """
+    y, w = gauss(_SEGMENT_NODES)
+    index = jnp.arange(most)
+
+    def entries(dh: Array) -> Array:
+        """All entries of one stack."""
+        node = (index + 0.5) * dh
+
+        def integrated(distance, mu: Array, weight: Array) -> Array:
+            def add(k: Array, total: Array) -> Array:
+                for position, share in zip(y, w, strict=True):
+                    s = (index + position) * dh
+                    total = total + share * dh * weight[k] * jnp.exp(-distance(node, s[:, None]) / mu[k])
+                return total
+
+            return jax.lax.fori_loop(0, mu.size, add, jnp.zeros((most, most), dh.dtype))
+
+        smallest = 0.5 * dh / _NEGLIGIBLE_DEPTH
+        matrix = integrated(lambda node, s: jnp.abs(node - s), *_grazing(1.0, smallest, _GRAZING_NODES))
+        matrix = jnp.where(np.eye(most, dtype=bool), _own(node, dh), matrix)
+        if refractive_index > 1.0:
+            critical = math.sqrt(1.0 - 1.0 / refractive_index**2)
+            mu, weight = _grazing(critical, smallest, _GRAZING_NODES)
+            cone, w_cone, r = (jnp.asarray(a, dh.dtype) for a in cone_nodes(refractive_index, _CONE_NODES))
+            mu, weight = jnp.concatenate([mu, cone]), jnp.concatenate([weight, w_cone * r / cone])
+            matrix = matrix + integrated(lambda node, s: node + s, mu, weight)
+        return matrix
+
+    values = computed_once(lambda: _values(step, count, most, refractive_index), step)
+    return Operator(jax.lax.map(entries, step), *_ground(values, count))
+
+
+def _own(node: Array, dh: Array) -> Float[Array, "n"]:
+    """Each segment's E_1 integrated over itself: nodes crowd at the midpoint from both sides."""
+    y, w = gauss(_OWN_SEGMENT_NODES)
+    offset, weight = 0.5 * dh * np.concatenate([-(y**3), y**3]), 0.5 * dh * np.tile(3.0 * y**2 * w, 2)
+    mu, w_mu = _grazing(1.0, 0.5 * dh * y.min() ** 3 / _NEGLIGIBLE_DEPTH, _OWN_GRAZING_NODES)
+    distance = jnp.abs(node[:, None] - (node[:, None] + offset))
+    return jnp.sum(weight * jnp.sum(w_mu * jnp.exp(-distance[..., None] / mu), axis=-1), axis=-1)
+
+
+def _grazing(top: float, bottom: Array, nodes: int) -> tuple[Array, Array]:
+    """Gauss nodes in ln mu from top down to bottom: mu and the weights dmu/mu."""
+    y, w = gauss(nodes)
+    span = jnp.maximum(jnp.log(top / bottom), 0.0)
+    return top * jnp.exp(-span * y), span * w
+
+
+def _values(step: Array, count: Array, most: int, refractive_index: float) -> tuple[Array, ...]:
+    """E_2 (stacks, n) and J_1 (stacks, 2n) at (k + 1/2) dh, E_3 at k dh and J_2 at h + k dh, (stacks, n + 1).
+
+    J_p(x) = int_0^1 R(mu) mu^(p-1) exp(-x/mu) dmu. As h is Q dh, these also serve at h - s and h + s.
+    """
+    return (
+        expn(2, (jnp.arange(most) + 0.5) * step[:, None]),
+        _reflected(1, 0.5 * step, step, 2 * most, refractive_index),
+        expn(3, jnp.arange(most + 1) * step[:, None]),
+        _reflected(2, count * step, step, most + 1, refractive_index),
+    )
+
+
+def _ground(values: tuple[Array, ...], count: Array) -> tuple[Array, Array, Array]:
+    """M at the midpoints and integrated over the segments, (n, stacks), and K, (stacks,); exact."""
+    e2, j1, e3, j2 = values
+    i, own = jnp.arange(e2.shape[1]), count[:, None]
+    above = jnp.maximum(own - 1 - i, 0)
+    m = jnp.take_along_axis(e2, above, axis=1) + jnp.take_along_axis(j1, own + i, axis=1)
+    integrated = jnp.take_along_axis(e3, above, axis=1) - jnp.take_along_axis(e3, above + 1, axis=1)
+    integrated += j2[:, :-1] - j2[:, 1:]
+    return m.T, integrated.T, 2.0 * jnp.take_along_axis(j2, own, axis=1)[:, 0]
+
+
+def _reflected(power: int, start: Array, step: Array, terms: int, refractive_index: float) -> Array:
+    """J_p at start + j step, (stacks, terms): total reflection in closed form, the cone by Gauss nodes."""
+    if refractive_index == 1.0:
+        return jnp.zeros((step.size, terms), step.dtype)
+    critical = math.sqrt((refractive_index - 1.0) * (refractive_index + 1.0)) / refractive_index
+    depth = start[:, None] + jnp.arange(terms) * step[:, None]
+    mu, weight, r = (jnp.asarray(a, step.dtype) for a in cone_nodes(refractive_index))
+    # On an even grid the exponentials are products of those of every sixteenth point and of the first sixteen.
+    coarse = jnp.exp(-(step[:, None] * np.arange(0, terms, _RUN))[..., None] / mu)
+    fine = jnp.exp(-(start[:, None] + step[:, None] * np.arange(_RUN))[..., None] / mu)
+    cone = jnp.einsum("wak,wbk->wab", coarse * (weight * r * mu ** (power - 1)), fine, precision="highest")
+    cone = cone.reshape(step.size, -1)[:, :terms]
+    return cone + critical**power * expn(power + 1, depth / critical)
+
+
+def computed_once(function: Callable[[], PyTree], positive: Array) -> PyTree:
+    """function(), kept apart from what uses it: XLA would compile a series of 50 terms into each of Q^2 uses.
+
+    A barrier does not hold on the CPU, a branch does. ``positive`` holds positive numbers.
+    """
+    nothing = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), jax.eval_shape(function))
+    return jax.lax.cond(jnp.all(positive > 0), function, lambda: nothing)
+
+
+def toeplitz_plus_hankel(toeplitz: Float[Array, "*stacks n"], hankel: Float[Array, "*stacks m"]) -> Array:
+    """Matrix toeplitz[|i - j|] + hankel[i + j], (*stacks, n, n); m >= 2n - 1."""
+    i = np.arange(toeplitz.shape[-1])
+    return toeplitz[..., np.abs(i[:, None] - i)] + hankel[..., i[:, None] + i]

@@ -1,0 +1,322 @@
+r"""Paper A's integral equation on a graded mesh: any thickness, any tolerance, no directions in the operator.
+
+The auxiliary function t(tau) of paper A (Shinozawa et al. 2013), eq. (21), obeys an integral equation with exponential
+integrals as kernels. With the ground and the surface folded into its kernel that is symmetric,
+
+    A = H + U + 2 rho/(1 - rho K) M M',   (1 - A q/2) t = g + rho/(1 - rho K) T_I e^(-h/mu_0)/pi M,
+
+so that light may as well be followed backwards from the exit: with the exit's weight V (e^(-tau/mu) for a viewing
+direction, E_2 less the internal reflection for all of them), c = rho E_h/(1 - rho K) and E_h its value for the ground,
+
+    (1 - A q/2) psi = V/2 + c M,    R = F [c T_I e^(-h/mu_0) + <q (pi g + rho/(1 - rho K) T_I e^(-h/mu_0) M), psi>].
+
+A diffusely lit white stack then has a constant psi, which the mesh holds exactly: nothing is lost at an albedo of one.
+
+Each layer is divided into panels that shrink towards its two faces, where psi behaves as tau ln tau, and that follow
+the decay length 1/kappa deep inside. In a panel psi q is a polynomial through Gauss-Lobatto nodes, and its integrals
+against the kernels are exact to rounding (see `panels`). Faces of layers are faces of panels.
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from ..common.exponential_integrals import cone_nodes, critical_cosine, expn
+from ..common.fresnel import cos_refracted, dielectric_reflectance
+from ..common.linalg import solve_positive
+from ..common.split import Split
+from ..common.stack_arrays import Stack
+from .panels import (
+    Mesh,
+    Panels,
+    decay_integrals,
+    kernel_integrals,
+    layer_panels,
+    own_integrals,
+)
+
+
+class Light(NamedTuple):
+    """What the layers are lit and seen by."""
+
+    ground: Array  # (batch,), rho
+    refractive_index: Any  # (batch,), or one number
+    cos_incidence: Array  # (batch,), in air
+    cos_viewing: Array | None  # (batch,), in air; None for the hemispherical flux
+
+
+class System(NamedTuple):
+    """The collocated equation (1 - A q/2) psi = V/2 + c M and what its solution is multiplied by."""
+
+    matrix: Array  # (batch, n, n)
+    exit: Array  # (batch, n), V/2
+    ground_seen: Array  # (batch, n), c M
+    beam: Array  # (batch, n): q times the integrals of pi g + rho/(1 - rho K) T e^(-h/mu_0) M
+    factor: Array  # (batch,), F
+    single: Array  # (batch,), scattered once
+    single_interpolated: Array  # (batch,), what the mesh makes of it
+    ground_direct: Array  # (batch,), c T_I e^(-h/mu_0)
+
+
+def _system(panels: Panels, light: Light) -> System:
+    top, width, albedo, h, rules = panels
+    batch, count = top.shape
+    p = len(rules.nodes)
+    size = count * p
+    dtype = top.dtype
+    bottom = top + width
+    tau = (top[..., None] + width[..., None] * rules.nodes).reshape(batch, size)
+    above_ground = jnp.maximum(h[:, None] - tau, 0.0)
+    owner = np.repeat(np.arange(count), p)
+    below = np.arange(count) > owner[:, None]  # (node, panel): whether the panel lies below the node
+    surface = _surface(light.refractive_index, h)
+    mu, critical = surface.cosines, surface.critical
+
+    def columns(array: Array) -> Array:  # (..., panels, p) -> (..., n)
+        return array.reshape(*array.shape[:-2], size)
+
+    # What goes through the paint and what the surface reflects, stacked, so that the program holds each kernel once.
+    c1, c2 = critical[:, None], critical[:, None, None]
+    e2 = expn(2, jnp.stack([tau, above_ground, tau / c1, (h[:, None] + tau) / c1]))
+    e3 = expn(3, jnp.stack([h, h / critical, 2.0 * h / critical]))
+    gap = jnp.where(below, top[:, None, :] - tau[..., None], tau[..., None] - bottom[:, None, :])
+    apart = jnp.stack([jnp.maximum(gap, 0.0), (tau[..., None] + top[:, None, :]) / c2])
+    widths = jnp.stack([width, width / c1])
+    h_integrals, u_integrals = kernel_integrals(1, apart, widths[:, :, None, :], rules)
+    apart = jnp.stack([jnp.maximum(h[:, None] - bottom, 0.0), (h[:, None] + top) / c1])
+    m_integrals = kernel_integrals(2, apart, widths, rules)
+    decays = columns(decay_integrals(1.0 / mu[..., None], top[:, None, :], width[:, None, :], rules))
+
+    def cone(power: int, depth: Array) -> Array:
+        """The cone's part of int R mu^(power - 1) e^(-depth/mu) dmu, (batch, ...)."""
+        decay = jnp.exp(-depth.reshape(batch, -1, 1) / mu[:, None])
+        return jnp.einsum("bnk,bk->bn", decay, surface.weights * mu ** (power - 1)).reshape(depth.shape)
+
+    # H.
+    h_integrals = jnp.where(below[..., None], h_integrals, h_integrals[..., ::-1])
+    own = own_integrals(width, rules)[..., None, :] * np.eye(count, dtype=dtype)[:, None, :, None]
+    is_own = np.eye(count, dtype=bool)[owner][..., None]
+    own = own.reshape(batch, size, count, p)
+    through_paint = jax.lax.select(jnp.broadcast_to(is_own, own.shape), own, h_integrals)
+    kernel = columns(through_paint)
+    # U.
+    kernel += (surface.total[:, None, None] * c2) * columns(u_integrals)
+    kernel += jnp.exp(-tau[..., None] / mu[:, None]) @ ((surface.weights / mu)[..., None] * decays)
+    # M at the nodes and its integrals, K, and the ways out through the surface.
+    ground_to_node = e2[1] + surface.total[:, None] * c1 * e2[3] + cone(1, h[:, None] + tau)
+    node_to_ground = columns(m_integrals[0][..., ::-1] + (surface.total[:, None] * c1**2)[..., None] * m_integrals[1])
+    node_to_ground += jnp.einsum("bk,bkn->bn", surface.weights * jnp.exp(-h[:, None] / mu), decays)
+    returned = 2.0 * (surface.total * critical**2 * e3[2] + cone(2, 2.0 * h))
+    reflected_out = surface.total * critical**2 * e3[1] + cone(2, h)
+    node_to_ground *= _rescaled(node_to_ground, 0.5 - e3[0] + reflected_out - 0.5 * returned, h)
+    open_share = light.ground / (1.0 - light.ground * returned)
+    kernel += (2.0 * open_share)[:, None, None] * ground_to_node[..., None] * node_to_ground[:, None]
+    # A constant is scattered exactly, so that an albedo of one loses nothing however deep the layer.
+    reflected_up = surface.total[:, None] * c1 * e2[2] + cone(1, tau)
+    constant = 2.0 - e2[0] - e2[1] + reflected_up - (ground_to_node - e2[1])
+    constant += 2.0 * open_share[:, None] * ground_to_node * jnp.sum(node_to_ground, axis=-1, keepdims=True)
+    kernel += (constant - jnp.sum(kernel, axis=-1))[..., None] * np.eye(size, dtype=dtype)
+    q = albedo.reshape(batch, size)
+    matrix = np.eye(size, dtype=dtype) - 0.5 * kernel * q[:, None, :]
+    # The beam, and the way out.
+    n = light.refractive_index
+    rate = 1.0 / cos_refracted(light.cos_incidence, n)
+    enter = 1.0 - dielectric_reflectance(light.cos_incidence, n)
+    strength = 0.5 * enter * rate
+    arriving = enter * jnp.exp(-rate * h)
+    if light.cos_viewing is None:
+        beam = columns(decay_integrals(rate[:, None], top, width, rules)) * strength[:, None]
+        beam *= _rescaled(beam, -0.5 * enter * jnp.expm1(-rate * h), h)
+        exit_weight, ground_weight = e2[0] - reflected_up, e3[0] - reflected_out
+        factor = jnp.full_like(h, 2.0)
+        once = jnp.sum(q * beam * exit_weight, axis=-1)
+    else:
+        out = 1.0 / cos_refracted(light.cos_viewing, n)
+        beam, both = columns(decay_integrals(jnp.stack([rate, rate + out])[..., None], top, width, rules))
+        beam, both = beam * strength[:, None], both * strength[:, None]
+        exit_weight, ground_weight = jnp.exp(-out[:, None] * tau), jnp.exp(-out * h) / out
+        factor = (1.0 - dielectric_reflectance(light.cos_viewing, n)) * out / n**2
+        once = jnp.sum(q * both, axis=-1)
+    seen = open_share * ground_weight
+    return System(
+        matrix,
+        0.5 * exit_weight,
+        seen[:, None] * ground_to_node,
+        q * (beam + (open_share * arriving)[:, None] * node_to_ground),
+        factor,
+        0.5 * once,
+        0.5 * jnp.sum(q * beam * exit_weight, axis=-1),
+        seen * arriving,
+    )
+
+
+def _rescaled(weights: Array, exact: Array, depth: Array) -> Array:
+    """Factor that gives weights their exact sum; where there is hardly any depth they have it anyway."""
+    deep = depth > 1e-3
+    found = jnp.sum(weights, axis=-1)
+    return jnp.where(deep, exact / jnp.where(deep, found, 1.0), 1.0)[:, None]
+
+
+class _Surface(NamedTuple):
+    """The internal reflectance as the equation needs it."""
+
+    cosines: Array  # (batch, nodes), in the cone
+    weights: Array  # (batch, nodes), R dmu
+    critical: Array  # (batch,), mu_c
+    total: Array  # (batch,), 1 where directions below mu_c are reflected, 0 for an index of one
+
+
+def _surface(refractive_index: Any, like: Array) -> _Surface:
+    """An index of exactly one reflects nothing, however its directions are reckoned."""
+    known = isinstance(refractive_index, int | float)
+    transparent = known and refractive_index == 1
+    n = 1.5 if transparent else float(refractive_index) if known else refractive_index
+    mu, weights, r = (jnp.asarray(a, like.dtype) for a in cone_nodes(n, 1 if transparent else None))
+    reflects = jnp.asarray(refractive_index, like.dtype) > 1.0
+    share = jnp.broadcast_to(reflects, like.shape).astype(like.dtype)
+    shape = (*like.shape, mu.shape[-1])
+    critical = jnp.broadcast_to(critical_cosine(jnp.asarray(n, like.dtype)), like.shape)
+    return _Surface(jnp.broadcast_to(mu, shape), share[:, None] * weights * r, critical, share)
+
+
+class _Row(NamedTuple):
+    tolerance: float
+    nodes: int
+    points: int
+    graded: tuple[int, int, int]  # for layers up to the depths of _DEPTHS; thicker ones have the last and an interior
+
+
+# Worst errors of each row: `python -m benchmarks.calibrate_auxiliary`.
+_ROWS = (
+    _Row(1e-2, 4, 8, (2, 3, 5)),
+    _Row(1e-3, 4, 8, (2, 3, 5)),
+    _Row(1e-4, 5, 9, (3, 4, 6)),
+    _Row(1e-5, 6, 10, (3, 4, 6)),
+    _Row(1e-6, 7, 12, (4, 5, 7)),
+    _Row(1e-7, 8, 14, (4, 5, 7)),
+    _Row(1e-8, 9, 16, (5, 6, 8)),
+)
+_DEPTHS = (2.0, 8.0, 40.0)
+# The thicker the layer, the more its widest panels matter rather than its narrowest.
+_RATIOS = (0.25, 0.37, 0.5)
+# Below these indices beams may graze inside, too: their decay needs more and narrower panels at each face.
+_GRAZING = ((1.01, 4), (1.1, 2))
+# With so many, their growth matters more than the first one's width.
+_GRAZING_RATIO = 0.4
+# So do the faces of layers so thick that their interior has panels of its own.
+_FACES_OF_THICK = 3
+
+
+def resolve(tolerance: float, thickest: float, lowest_index: float) -> Mesh:
+    """Mesh that keeps the absolute error of either reflectance below the tolerance.
+
+    Args:
+        tolerance: absolute error wanted; anything below 1e-8 gets the mesh for 1e-8.
+        thickest: largest optical thickness of a layer; infinite where it is not known.
+        lowest_index: smallest refractive index of the batch.
+    """
+    row = next((row for row in _ROWS if row.tolerance <= tolerance * (1 + 1e-9)), _ROWS[-1])
+    kind = min(int(np.searchsorted(_DEPTHS, thickest)), 2)
+    interior = thickest > _DEPTHS[-1]
+    grazing = next((more for index, more in _GRAZING if lowest_index < index), 0)
+    graded = row.graded[kind] + grazing + _FACES_OF_THICK * interior
+    ratio = max(_RATIOS[kind], _GRAZING_RATIO) if lowest_index < _GRAZING[0][0] else _RATIOS[kind]
+    return Mesh(row.nodes, row.points, graded, ratio, interior)
+
+
+def bytes_each(mesh: Mesh, layers: int, itemsize: int) -> int:
+    """Memory that one stack's largest arrays take."""
+    panels = layers * (2 * mesh.graded + (13 if mesh.interior else 0))
+    nodes = panels * mesh.nodes
+    return itemsize * (4 * nodes**2 + 2 * nodes * panels * mesh.points)
+
+
+def _stack_panels(stack: Stack, mesh: Mesh) -> Panels:
+    slant = cos_refracted(stack.cos_incidence, stack.refractive_index)
+    if stack.cos_viewing is not None:
+        slant = jnp.minimum(slant, cos_refracted(stack.cos_viewing, stack.refractive_index))
+    return layer_panels(stack.optical_thickness, stack.albedo, slant, mesh)
+
+
+def _light(stack: Stack) -> Light:
+    return Light(stack.ground, stack.refractive_index, stack.cos_incidence, stack.cos_viewing)
+
+
+def _solve(matrix: Array, right: Array) -> Array:
+    """The matrix is diagonally dominant, so no pivoting is needed; its derivatives are those of the solution."""
+
+    def solve(_, b: Array) -> Array:
+        return solve_positive(matrix, b[..., None])[..., 0]
+
+    def solve_transposed(_, b: Array) -> Array:
+        return solve_positive(jnp.swapaxes(matrix, -1, -2), b[..., None])[..., 0]
+
+    def product(x: Array) -> Array:
+        return jnp.einsum("bij,bj->bi", matrix, x)
+
+    return jax.lax.custom_linear_solve(product, right, solve, solve_transposed)
+
+
+def _value(system: System, solution: Array) -> Array:
+    inside = jnp.sum(system.beam * solution, axis=-1)
+    return system.factor * (system.ground_direct + inside + system.single - system.single_interpolated)
+
+
+def reflectance_on(panels: Panels, light: Light) -> Array:
+    """Reflectance factor, or hemispherical reflectance where there is no viewing direction, (batch,)."""
+    system = _system(panels, light)
+    return _value(system, _solve(system.matrix, system.exit + system.ground_seen))
+
+
+def split_on(panels: Panels, light: Light) -> Split:
+    """The same by what the light did last, each (batch,)."""
+    system = _system(panels, light)
+    both = jnp.stack([system.exit, system.ground_seen], axis=-1)
+    solution = solve_positive(system.matrix, both)
+    scattered, grounded = (jnp.sum(system.beam * solution[..., i], axis=-1) for i in range(2))
+    return Split(
+        ground=system.factor * (system.ground_direct + grounded),
+        single=system.factor * system.single,
+        multiple=system.factor * (scattered - system.single_interpolated),
+    )
+
+
+def reflectance(stack: Stack, mesh: Mesh) -> Array:
+    """Reflectance factor, or hemispherical reflectance where the stack has no viewing direction, (batch,)."""
+    return reflectance_on(_stack_panels(stack, mesh), _light(stack))
+
+
+def split(stack: Stack, mesh: Mesh) -> Split:
+    """The same by what the light did last, each (batch,)."""
+    return split_on(_stack_panels(stack, mesh), _light(stack))
+
+
+def reflectance_and_gradient(stack: Stack, mesh: Mesh, wanted: tuple[str, ...]) -> tuple[Array, dict[str, Array]]:
+    """Reflectance and its derivative by the wanted leaves of each stack.
+
+    With psi the solution and lambda that of the transposed equation for the beam's weights v, the derivative of v.psi
+    is that of v.psi + lambda.(b - B psi) with both held.
+
+    Args:
+        stack: batch of stacks.
+        mesh: static.
+        wanted: names of the leaves to differentiate by, static.
+
+    Returns:
+        (batch,) and, by name, d reflectance / d leaf in the shape of the leaf.
+    """
+    system = _system(_stack_panels(stack, mesh), _light(stack))
+    forward = _solve(system.matrix, system.exit + system.ground_seen)
+    backward = _solve(jnp.swapaxes(system.matrix, -1, -2), system.beam)
+
+    def stationary(leaves: dict[str, Array]) -> Array:
+        moved = stack._replace(**leaves)
+        s = _system(_stack_panels(moved, mesh), _light(moved))
+        residual = s.exit + s.ground_seen - jnp.einsum("bij,bj->bi", s.matrix, forward)
+        return _value(s, forward) + s.factor * jnp.sum(backward * residual, axis=-1)
+
+    value, pull_back = jax.vjp(stationary, {name: getattr(stack, name) for name in wanted})
+    return value, pull_back(jnp.ones_like(value))[0]

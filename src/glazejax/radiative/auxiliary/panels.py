@@ -1,0 +1,229 @@
+"""Panels of a graded mesh in optical depth, and integrals of kernels over them that are exact to rounding.
+
+On a panel a function is the polynomial through its values at Gauss-Lobatto nodes. Those at the ends couple panels that
+are far wider than a mean free path, as within a thick layer, where inner nodes see nothing but their own panel. A
+kernel is integrated against the polynomial by a fixed rule whose points crowd at the end next to the kernel's
+singularity where the panel is narrow, and by parts, a finite sum of exponential integrals of rising order, where it is
+wide; so any width and any distance will do.
+"""
+
+import functools
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+from numpy.polynomial import legendre
+
+from ..common.directions import gauss
+from ..common.exponential_integrals import expn
+
+# Panels wider than this (in mean free paths of the kernel) are integrated by parts.
+_WIDE = 5.0
+# Power of the grading of the fixed rule towards the singularity.
+_GRADING = 3
+
+
+class Mesh(NamedTuple):
+    """How finely the layers are divided; static."""
+
+    nodes: int
+    """Gauss nodes in a panel."""
+    points: int
+    """Points of the rule that integrates a kernel over a narrow panel."""
+    graded: int
+    """Panels that shrink towards each face of a layer."""
+    ratio: float
+    """Inner over outer edge of each of these."""
+    interior: bool
+    """Whether a layer may be thicker than those reach: nine more panels then cover its inside."""
+
+
+class Rules(NamedTuple):
+    """Tables of one panel, near end first; numpy."""
+
+    nodes: np.ndarray  # (p,), on [0, 1]
+    points: np.ndarray  # (m,), on [0, 1], crowded at the near end
+    kernel: np.ndarray  # (m, p): weight of a kernel's value at a point in the integral with Lagrange polynomial j
+    near: np.ndarray  # (p, p): derivative k of polynomial j at the near end, in units of half the width
+    far: np.ndarray  # (p, p): the same at the far end
+    own_points: np.ndarray  # (p, 2 m): distance from node i to points on either side, as a share of the width
+    own_kernel: np.ndarray  # (p, 2 m, p)
+    own_derivatives: np.ndarray  # (p, p, p): derivative k of polynomial j at node i
+
+
+def _lobatto(count: int) -> np.ndarray:
+    """Gauss-Lobatto nodes on [-1, 1], ends included."""
+    inner = legendre.Legendre.basis(count - 1).deriv().roots()
+    return np.r_[-1.0, np.sort(inner.real), 1.0]
+
+
+@functools.cache
+def rules(count: int, points: int) -> Rules:
+    """Tables for `count` nodes and a fixed rule of `points` points."""
+    xi = _lobatto(count)
+    coefficients = np.linalg.inv(legendre.legvander(xi, count - 1))  # (degree, j)
+
+    def derivatives(x: np.ndarray) -> np.ndarray:  # (k, len(x), j)
+        return np.stack([legendre.legval(x, legendre.legder(coefficients, k)).T for k in range(count)])
+
+    def values(x: np.ndarray) -> np.ndarray:
+        return legendre.legvander(x, count - 1) @ coefficients
+
+    v, wv = gauss(points)
+    x, wx = v**_GRADING, wv * _GRADING * v ** (_GRADING - 1)
+    ends = derivatives(np.array([-1.0, 1.0]))
+    own_points, own_kernel = [], []
+    for node in xi:
+        up, down = 0.5 * (1 + node) * x, 0.5 * (1 - node) * x
+        own_points.append(np.r_[up, down])
+        shares = np.r_[0.5 * (1 + node) * wx, 0.5 * (1 - node) * wx]
+        own_kernel.append(shares[:, None] * values(np.r_[node - 2 * up, node + 2 * down]))
+    return Rules(
+        0.5 * (1 + xi),
+        x,
+        wx[:, None] * values(2 * x - 1),
+        ends[:, 0],
+        ends[:, 1],
+        np.array(own_points),
+        np.array(own_kernel),
+        np.swapaxes(derivatives(xi), 0, 1),
+    )
+
+
+def _orders(first: int, count: int, x: Array) -> Array:
+    """E_first(x) ... E_(first + count - 1)(x), (..., count), by the upward recurrence; first >= 2."""
+    value, decay = expn(first, x), jnp.exp(-x)
+    out = [value]
+    for n in range(first, first + count - 1):
+        value = (decay - x * value) / n
+        out.append(value)
+    return jnp.stack(out, axis=-1)
+
+
+def _powers(x: Array, count: int) -> Array:
+    """1, x, x^2, ..., (..., count)."""
+    return jnp.cumprod(jnp.concatenate([jnp.ones_like(x)[..., None]] + [x[..., None]] * (count - 1), axis=-1), axis=-1)
+
+
+def _tiny(x: Array) -> float:
+    return 1e-290 if x.dtype == jnp.float64 else 1e-36
+
+
+def kernel_integrals(order: int, distance: Array, width: Array, rules: Rules) -> Array:
+    """Integrals of E_order(distance + t) with each Lagrange polynomial over a panel, t from its near end, (..., p)."""
+    distance, width = jnp.broadcast_arrays(distance, width)
+    wide = width > _WIDE
+    count = len(rules.nodes)
+    narrow_width = jnp.where(wide, 1.0, width)
+    t = jnp.maximum(distance[..., None] + narrow_width[..., None] * rules.points, _tiny(width))
+    narrow = narrow_width[..., None] * (expn(order, t) @ jnp.asarray(rules.kernel, t.dtype))
+    wide_width = jnp.where(wide, width, _WIDE)
+    scale = _powers(2.0 / wide_width, count)
+    ends = scale * _orders(order + 1, count, jnp.stack([distance, distance + wide_width]))
+    here, there = ends[0] @ jnp.asarray(rules.near, t.dtype), ends[1] @ jnp.asarray(rules.far, t.dtype)
+    return jax.lax.select(jnp.broadcast_to(wide[..., None], narrow.shape), here - there, narrow)
+
+
+def decay_integrals(rate: Array, top: Array, width: Array, rules: Rules) -> Array:
+    """Integrals of e^(-rate tau) with each Lagrange polynomial over a panel that begins at depth `top`, (..., p)."""
+    rate, top, width = jnp.broadcast_arrays(rate, top, width)
+    z = rate * width
+    wide = z > _WIDE
+    count = len(rules.nodes)
+    shares = jnp.exp(-jnp.where(wide, 1.0, z)[..., None] * rules.points) @ jnp.asarray(rules.kernel, z.dtype)
+    safe = jnp.where(wide, z, _WIDE)
+    scale = _powers(2.0 / safe, count)
+    by_parts = scale @ jnp.asarray(rules.near, z.dtype)
+    by_parts -= jnp.exp(-safe)[..., None] * (scale @ jnp.asarray(rules.far, z.dtype))
+    inside = jnp.where(wide[..., None], by_parts / safe[..., None], shares)
+    return (jnp.exp(-rate * top) * width)[..., None] * inside
+
+
+def own_integrals(width: Array, rules: Rules) -> Array:
+    """Integrals of E_1(|tau_i - s|) with each polynomial over the nodes' own panel, (..., p, p)."""
+    wide = width > _WIDE
+    count = len(rules.nodes)
+    dtype = width.dtype
+    narrow_width = jnp.where(wide, 1.0, width)[..., None, None]
+    t = jnp.maximum(narrow_width * rules.own_points, _tiny(width))
+    narrow = narrow_width * jnp.einsum("...im,imj->...ij", expn(1, t), jnp.asarray(rules.own_kernel, dtype))
+    wide_width = jnp.where(wide, width, _WIDE)[..., None]
+    scale = _powers(2.0 / wide_width, count)  # (..., 1, k)
+    k = np.arange(count)
+    here = (1.0 + (-1.0) ** k) / (k + 1)  # E_(k+2)(0) = 1/(k+1), from above and from below
+    middle = jnp.einsum("...zk,ikj->...ij", scale * here, jnp.asarray(rules.own_derivatives, dtype))
+    ends = scale * _orders(2, count, jnp.stack([wide_width * (1.0 - rules.nodes), wide_width * rules.nodes]))
+    below, above = ends[0] @ jnp.asarray(rules.far, dtype), ends[1] * (-1.0) ** k @ jnp.asarray(rules.near, dtype)
+    return jnp.where(wide[..., None, None], middle - below - above, narrow)
+
+
+class Panels(NamedTuple):
+    """A mesh in optical depth."""
+
+    top: Array  # (batch, panels)
+    width: Array  # (batch, panels)
+    albedo: Array  # (batch, panels, p), at the nodes
+    total: Array  # (batch,), optical thickness h of all
+    rules: Any  # Rules; None while the arrays travel through a loop
+
+
+# Depth beyond which only the slowest mode of a layer is left, in mean free paths.
+_BOUNDARY_LAYER = 22.0
+# Where that has died away too, in its decay lengths, and the edges of the panels up to there.
+_GONE = 30.0
+_INTERIOR = np.array([0.4, 1.2, 3.0, 6.5, 13.0, 25.0]) / 25.0
+
+
+def _half_layer(depth: Array, albedo: Array, slant: Array, mesh: Mesh) -> Array:
+    """Edges of the panels from a face towards the middle as shares of the depth, (batch, panels + 1)."""
+    half = 0.5 * depth
+    reach = jnp.minimum(half, _BOUNDARY_LAYER) if mesh.interior else half
+    # The first panel is narrow beside the depth at which a grazing beam is gone.
+    ratio = jnp.maximum(mesh.ratio ** (1 - mesh.graded), reach / jnp.maximum(2.0 * slant**2, 0.05 * slant))
+    steps = -np.arange(mesh.graded - 1, -1, -1) / (mesh.graded - 1)
+    edges = [jnp.zeros_like(half)[:, None], reach[:, None] * ratio[:, None] ** steps]
+    if mesh.interior:
+        decay = jnp.sqrt(jnp.minimum(3.0 * (1.0 - albedo), 1.0))
+        gone = jnp.minimum(half, reach + _GONE / jnp.maximum(decay, 1e-12))
+        edges.append(reach[:, None] + (gone - reach)[:, None] * _INTERIOR)
+    edges = jnp.concatenate(edges, axis=-1)
+    # An empty layer has panels too, of no width.
+    shares = 0.5 * edges / jnp.where(half > 0, half, 1.0)[:, None]
+    return jnp.where(half[:, None] > 0, shares, np.linspace(0.0, 0.5, edges.shape[1]))
+
+
+def layer_panels(thickness: Array, layer_albedo: Array, slant: Array, mesh: Mesh) -> Panels:
+    """Panels of homogeneous layers; their proportions are not differentiated, the result hardly depends on them.
+
+    Args:
+        thickness: optical thickness of the layers, top first, (batch, layers), >= 0.
+        layer_albedo: their albedo, (batch, layers).
+        slant: smallest cosine inside of the beams that must be resolved, (batch,).
+        mesh: static.
+    """
+    depth = jnp.cumsum(thickness, axis=-1)
+    tops, widths = [], []
+    for i in range(thickness.shape[1]):
+        d = thickness[:, i, None]
+        given = jax.lax.stop_gradient((thickness[:, i], layer_albedo[:, i], slant))
+        share = _half_layer(*given, mesh)
+        inner = share[:, 1:] - share[:, :-1]
+        start, shares = [share[:, :-1], 1.0 - share[:, :0:-1]], [inner, inner[:, ::-1]]
+        if mesh.interior:
+            start.insert(1, share[:, -1:])
+            shares.insert(1, jnp.maximum(1.0 - 2.0 * share[:, -1:], 0.0))
+        above = depth[:, i - 1, None] if i else jnp.zeros_like(d)
+        tops.append(above + d * jnp.concatenate(start, axis=-1))
+        widths.append(d * jnp.concatenate(shares, axis=-1))
+    top, width = jnp.concatenate(tops, axis=-1), jnp.concatenate(widths, axis=-1)
+    albedo = jnp.repeat(layer_albedo, width.shape[1] // thickness.shape[1], axis=1)
+    albedo = jnp.broadcast_to(albedo[..., None], (*width.shape, mesh.nodes))
+    return Panels(top, width, albedo, depth[:, -1], rules(mesh.nodes, mesh.points))
+
+
+def graded_shares(mesh: Mesh) -> np.ndarray:
+    """Edges of panels that shrink towards both faces of a film as shares of its depth, whatever its thickness."""
+    half = 0.5 * np.r_[0.0, mesh.ratio ** np.arange(mesh.graded - 1, -1, -1.0)]
+    return np.r_[half, 1.0 - half[-2::-1]]

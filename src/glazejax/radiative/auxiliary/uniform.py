@@ -1,0 +1,312 @@
+"""The auxiliary function method on a uniform grid of optical depth, as paper A has it and better.
+
+The diffuse field enters by its auxiliary function f(tau) = int (omega+ + omega-) dmu/mu (eq. (3)), for which light
+scattered, reflected inside by the surface and by the ground is a linear integral equation in depth alone (21). Cut into
+Q segments it is (1/2 A P - E) f = -b (31), with A = H + U + c M M': H symmetric Toeplitz, U Hankel (4.1).
+
+Variants of the assembly:
+
+- ``direct``: every entry of A by its own quadrature, dh of every stack's own so that Q dh = h; the conventional method.
+- ``decomposed``: the same A from Q and 2Q - 1 numbers.
+- ``fixed_step``: one dh, so that one H and one U, tabulated once (`KernelTable`), serve all stacks.
+
+The paper's version has errors of first order in dh where an interface lies inside a segment or h is not a multiple of
+dh. ``corrected`` removes both. With a step of the stack's own it takes means over a segment of q and of the beam in
+place of the values at the midpoint. With a fixed step it is Galerkin's method: f constant in a segment, but q, the end
+of the glaze and the interfaces exact. Integrating by parts leaves the kernel at the edges of segments and layers,
+
+    int int z E_1(|s - s'|) z' ds ds' = -sum u u' E_3(|s - s'|) + 2 int z z' ds,     u the jumps of the source z,
+
+and likewise int int z J_0(s + s') z' = sum u u' J_2(s + s') for the surface: between the edges of the uniform grid
+that is a Toeplitz and a Hankel matrix for all stacks, and only the few rows of interfaces are a stack's own.
+"""
+
+from collections import OrderedDict
+from typing import Any, get_args
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import Array, Float
+
+from ..common.inputs import at_least_one_layer, batch_shape, check_values, concrete
+from ..common.split import Split
+from .kernel_table import MOST_SEGMENTS, KernelTable
+from .segments import append_axes
+from .uniform_solver import Batch, Options, Variant, solve
+
+# Stacks are gathered by number of segments where that saves so many matrix elements (stacks x Q^2): by a fixed step,
+# where all share one matrix and a call costs the more, and by steps of their own.
+_WORTH_A_BUCKET = {"fixed_step": 2**18, "decomposed": 2**15, "direct": 2**15}
+# Elements of one vector over all stacks of a call.
+_CHUNK_ELEMENTS = 2**20
+# From so many segments on, stacks with steps of their own are called one by one: one program serves any number of them.
+_ALONE = 64
+_KEPT_TABLES = 8
+_kept: OrderedDict[tuple[float, float], KernelTable] = OrderedDict()
+
+
+def reflectance_factor(
+    albedo: Float[Any, "*batch layers"],
+    optical_thickness: Float[Any, "*batch layers"],
+    substrate_reflectance: Float[Any, "*batch"],
+    *,
+    refractive_index: float = 1.5,
+    cos_incidence: Float[Any, "*batch"] = 1.0,
+    cos_viewing: Float[Any, "*batch"] = 1.0,
+    step: float = 0.01,
+    variant: Variant = "fixed_step",
+    corrected: bool = True,
+    table: KernelTable | None = None,
+) -> Float[Array, "*batch"]:
+    """Reflectance factor pi L_out / E_in by the auxiliary function method: the sum of `split_reflectance_factor`.
+
+    Arguments, errors, notes and source are those of `split_reflectance_factor`.
+    """
+    angles = (cos_incidence, cos_viewing)
+    parts = _evaluate(
+        albedo, optical_thickness, substrate_reflectance, refractive_index, angles, step, variant, corrected, table
+    )
+    return jnp.asarray(parts.ground + parts.single + parts.multiple)
+
+
+def split_reflectance_factor(
+    albedo: Float[Any, "*batch layers"],
+    optical_thickness: Float[Any, "*batch layers"],
+    substrate_reflectance: Float[Any, "*batch"],
+    *,
+    refractive_index: float = 1.5,
+    cos_incidence: Float[Any, "*batch"] = 1.0,
+    cos_viewing: Float[Any, "*batch"] = 1.0,
+    step: float = 0.01,
+    variant: Variant = "fixed_step",
+    corrected: bool = True,
+    table: KernelTable | None = None,
+) -> Split:
+    """Reflectance factor of a stack of layers in its three parts: ground, single and multiple scattering.
+
+    The same quantity as `glazejax.stack_reflectance_factor`, which gives one to an accuracy asked for; here the step
+    decides.
+
+    Args:
+        albedo: of each layer, top first, (..., layers), in [0, 1].
+        optical_thickness: of each layer, (..., layers), >= 0.
+        substrate_reflectance: of the Lambertian ground, from inside, (...), in [0, 1].
+        refractive_index: n of all layers, one number in [1, 2.5].
+        cos_incidence: cosine of the angle of incidence in air, (...), in (0, 1].
+        cos_viewing: cosine of the viewing angle in air, (...), in (0, 1].
+        step: dh, optical thickness of a segment, a number. A stack gets h/dh segments, rounded; with a step of its own
+            dh is then changed so that they fit.
+        variant: "direct", "decomposed" or "fixed_step", see the module.
+        corrected: whether interfaces and the glaze's end may lie inside a segment without an error of first order;
+            False is the paper as printed, in which a fixed step changes h to a multiple of dh.
+        table: of kernels, for "fixed_step"; it grows as needed. By default one for each index and step is kept
+            from call to call, the last eight.
+
+    Returns:
+        `Split`, each part of the shape of the broadcast batch. Where only the angles vary along an axis, the stacks'
+        matrices are made once for all of them.
+
+    Raises:
+        ValueError: a value out of range, shapes that do not broadcast, an unknown variant, a table of another index or
+            step, a stack of more than `kernel_table.MOST_SEGMENTS` segments, or an optical thickness that is traced
+            by `jax.jit` without a table to say how many segments there may be.
+
+    Notes:
+        The error is of second order in dh where ``corrected``: at most 0.04 (dh/mu)^2, mu the smaller cosine inside, on
+        the shared references, and mostly far less. Without, it is of first order (`python -m
+        benchmarks.auxiliary_order` shows both).
+        Differentiable by albedo, thickness, ground and the cosines at a fixed number of segments, forward and reverse;
+        as printed, the result by a fixed step is piecewise constant in the thickness, so only the corrected one has a
+        derivative worth the name. Under `jax.jit` with a traced thickness give a table that is long enough: a stack
+        beyond it gives NaN.
+        Stacks of unlike thickness are gathered in a few groups of about as many segments and filled up with segments
+        of albedo 0, which scatter nothing and so change nothing.
+
+    Source: paper A (Shinozawa et al. 2013), eqs (3)-(5), (17)-(34), sections 4.1 and 4.2.
+    """
+    angles = (cos_incidence, cos_viewing)
+    parts = _evaluate(
+        albedo, optical_thickness, substrate_reflectance, refractive_index, angles, step, variant, corrected, table
+    )
+    return jax.tree.map(jnp.asarray, parts)
+
+
+def _evaluate(albedo, thickness, ground, refractive_index, cosines, step, variant, corrected, table) -> Split:
+    """The parts, as NumPy arrays where all arguments are known."""
+    given = {"albedo": albedo, "optical_thickness": thickness, "substrate_reflectance": ground}
+    given |= {"cos_incidence": cosines[0], "cos_viewing": cosines[1]}
+    _check(given, refractive_index, step, variant)
+    batch, restore = _flatten(given)
+    options = Options(variant, bool(corrected), float(refractive_index), float(step), 0)
+    thickness = concrete(batch.thickness)
+    if thickness is None:
+        return restore(_traced(batch, options, table))
+    count = np.asarray(_segments(np.sum(np.asarray(thickness, np.float64), axis=1), options))
+    most = int(count.max(initial=1))
+    if most > MOST_SEGMENTS:
+        thickest = float(np.sum(thickness, axis=1).max())
+        raise ValueError(
+            f"an optical thickness of {thickest:g} at step {step:g} needs {most} segments, more than {MOST_SEGMENTS}; "
+            f"use a step of {thickest / MOST_SEGMENTS:.2g} or more, or stack_reflectance_factor, which has no steps"
+        )
+    vectors = _vectors(_table(table, options, most), options)
+    angles = max(int(np.prod(batch.cos_incidence.shape[1:])), 1)
+    parts, order = [], []
+    for rows, most in _buckets(count, _WORTH_A_BUCKET[variant]):
+        alone = variant != "fixed_step" and most >= _ALONE
+        chunk = 1 if alone else max(1, _CHUNK_ELEMENTS // (most * (angles + 1)))
+        for start in range(0, rows.size, chunk):
+            some = rows[start : start + chunk]
+            size = min(chunk, 1 << (some.size - 1).bit_length())
+            filled = np.concatenate([some, np.repeat(some[:1], size - some.size)])
+            piece = jax.tree.map(lambda leaf, index=filled: leaf[index], batch)
+            parts.append(solve(piece, count[filled], vectors(most), options._replace(most=most)))
+            order.append(some)
+    if not parts:
+        shape = (0, *np.broadcast_shapes(batch.cos_incidence.shape[1:], batch.cos_viewing.shape[1:]))
+        return restore(Split(*(jnp.zeros(shape, batch.albedo.dtype),) * 3))
+    back = np.argsort(np.concatenate(order), kind="stable")
+    xp = jnp if any(isinstance(leaf, Tracer) for leaf in parts[0]) else np
+
+    def together(*leaves: Any) -> Any:
+        cut = [xp.asarray(leaf)[: rows.size] for leaf, rows in zip(leaves, order, strict=True)]
+        return xp.concatenate(cut)[back] if len(cut) > 1 else cut[0]
+
+    return restore(jax.tree.map(together, *parts))
+
+
+def _check(given: dict[str, Any], refractive_index: float, step: float, variant: str) -> None:
+    if variant not in get_args(Variant):
+        raise ValueError(f"variant {variant!r} is unknown; use one of {', '.join(map(repr, get_args(Variant)))}")
+    if not (np.ndim(step) == 0 and 0 < step < np.inf):
+        raise ValueError(f"step is {step}; it must be a positive optical thickness, such as 0.01")
+    if isinstance(refractive_index, Tracer) or np.ndim(refractive_index) > 0:
+        raise ValueError("refractive_index must be one number here; stack_reflectance_factor takes arrays")
+    check_values(given | {"refractive_index": refractive_index})
+
+
+def _flatten(given: dict[str, Any]):
+    """One axis of stacks, then axes of angles; and the function that gives a result its shape back."""
+    # Known arrays are gathered and cut by NumPy, which starts far faster.
+    xp = jnp if any(isinstance(value, Tracer) for value in given.values()) else np
+    dtype = jnp.result_type(float)
+    arrays = {name: xp.asarray(value, dtype) for name, value in given.items()}
+    albedo, thickness = arrays["albedo"], arrays["optical_thickness"]
+    albedo, thickness, layers = at_least_one_layer(albedo, thickness, xp=xp)
+    shapes = {"albedo": albedo.shape[:-1], "optical_thickness": thickness.shape[:-1]}
+    shapes |= {name: array.shape for name, array in arrays.items() if name not in shapes}
+    full = batch_shape(shapes)
+    matter = np.broadcast_shapes(*(shapes[n] for n in ("albedo", "optical_thickness", "substrate_reflectance")))
+    matter = (1,) * (len(full) - len(matter)) + matter
+    angular = [axis for axis, size in enumerate(full) if matter[axis] == 1 and size != 1]
+    others = [axis for axis in range(len(full)) if axis not in angular]
+    size = int(np.prod([full[axis] for axis in others]))
+
+    def of_matter(array: Any) -> Any:
+        return xp.broadcast_to(array, matter).reshape(size)
+
+    def of_layers(array: Any) -> Any:
+        return xp.broadcast_to(array, (*matter, layers)).reshape(size, layers)
+
+    def of_angles(array: Any) -> Any:
+        array = array.reshape((1,) * (len(full) - array.ndim) + array.shape)
+        wanted = [array.shape[axis] if axis in angular else full[axis] for axis in range(len(full))]
+        array = xp.broadcast_to(array, wanted).transpose(*others, *angular)
+        return array.reshape(size, *array.shape[len(others) :])
+
+    batch = Batch(
+        of_layers(albedo),
+        of_layers(thickness),
+        of_matter(arrays["substrate_reflectance"]),
+        of_angles(arrays["cos_incidence"]),
+        of_angles(arrays["cos_viewing"]),
+    )
+
+    def restore(result: Split) -> Split:
+        def one(leaf: Any) -> Any:
+            shape = [full[axis] for axis in (*others, *angular)]
+            return leaf.reshape(shape).transpose(*np.argsort([*others, *angular]).tolist())
+
+        return jax.tree.map(one, result)
+
+    return batch, restore
+
+
+def _segments(depth, options: Options):
+    """How many segments stacks of this optical thickness get; for numpy and JAX arrays."""
+    xp = jnp if isinstance(depth, jax.Array) else np
+    count = xp.round(depth / options.step)
+    if options.variant == "fixed_step" and options.corrected:
+        return xp.maximum(count, 1).astype(int)
+    # The paper asks for two at least; nothing at all needs none.
+    return xp.where(depth > 0, xp.maximum(count, 2), 1).astype(int)
+
+
+def _buckets(count: np.ndarray, worth: int) -> list[tuple[np.ndarray, int]]:
+    """Stacks (row numbers) of about equal segment counts, each with its padded count."""
+    distinct, which = np.unique(count, return_inverse=True)
+    padded = np.array([_rounded_up(int(c)) for c in distinct], dtype=int)[which]
+    sizes = np.unique(padded)
+    waiting = np.zeros(0, int)
+    buckets: list[tuple[np.ndarray, int]] = []
+    for k, size in enumerate(sizes):
+        waiting = np.concatenate([waiting, np.flatnonzero(padded == size)])
+        # What these stacks would cost in the next bucket up.
+        if k + 1 == sizes.size or waiting.size * (sizes[k + 1] ** 2 - size**2) > worth:
+            buckets.append((np.sort(waiting), int(size)))
+            waiting = np.zeros(0, int)
+    return buckets
+
+
+def _rounded_up(count: int) -> int:
+    """To 1, 2, 3, 4, 6, 8, 12, 16, ..., so that few programs are compiled."""
+    size = 1 << max(count - 1, 0).bit_length()
+    return size * 3 // 4 if size > 2 and count <= size * 3 // 4 else size
+
+
+def _table(table: KernelTable | None, options: Options, most: int) -> KernelTable | None:
+    """The table to use, long enough; None where stacks have steps of their own."""
+    if options.variant != "fixed_step":
+        if table is not None:
+            raise ValueError(f"a table is for variant 'fixed_step'; {options.variant!r} has a step for every stack")
+        return None
+    key = (options.refractive_index, options.step)
+    if table is None:
+        table = _kept.setdefault(key, KernelTable(*key))
+        _kept.move_to_end(key)
+        while len(_kept) > _KEPT_TABLES:
+            _kept.popitem(last=False)
+    elif (table.refractive_index, table.step) != key:
+        raise ValueError(f"{table!r} does not fit refractive_index {key[0]:g} and step {key[1]:g}; make one that does")
+    table.grow(min(_rounded_up(most), MOST_SEGMENTS))
+    return table
+
+
+def _vectors(table: KernelTable | None, options: Options):
+    """What the compiled program needs of the table: a function of the number of segments."""
+    if table is None:
+        return lambda most: ()
+    if options.corrected:
+        return lambda most: (table.e3[:most], table.j2[: 2 * most - 1])
+    toeplitz, hankel = table.toeplitz, table.hankel
+
+    def printed(most: int):
+        m = (table.e2[:most], table.j1[: 2 * most], table.e3[: most + 1], table.j2[: 2 * most + 1])
+        return toeplitz[:most], hankel[: 2 * most - 1], *m
+
+    return printed
+
+
+def _traced(batch: Batch, options: Options, table: KernelTable | None) -> Split:
+    """Under `jax.jit`: as many segments as the table given has."""
+    if options.variant != "fixed_step" or table is None or table.segments == 0:
+        raise ValueError(
+            "optical_thickness is traced by jax.jit, so the number of segments is not known; give variant 'fixed_step' "
+            "a table=KernelTable(refractive_index, step, segments) that is long enough, or do not jit"
+        )
+    most = table.segments
+    count = _segments(jax.lax.stop_gradient(jnp.sum(batch.thickness, axis=1)), options)
+    split = solve(batch, jnp.minimum(count, most), _vectors(table, options)(most), options._replace(most=most))
+    return jax.tree.map(lambda leaf: jnp.where(append_axes(jnp.asarray(count > most), leaf), jnp.nan, leaf), split)

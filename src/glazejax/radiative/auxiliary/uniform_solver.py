@@ -1,0 +1,238 @@
+"""The compiled part of the auxiliary function method on a uniform grid; `uniform` explains it.
+
+Arrays have the segment first, then the stack, then axes of angles or, in linear systems, of cases.
+"""
+
+import functools
+from typing import Literal, NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, Int
+
+from ..common.exponential_integrals import expn, internal_reflection_integral
+from ..common.fresnel import cos_refracted, dielectric_reflectance
+from ..common.kernels import decay_integral
+from ..common.split import Split
+from . import assembly
+from .contraction import solve_contraction
+from .segments import Segments, append_axes
+
+Variant = Literal["direct", "decomposed", "fixed_step"]
+"""How the matrix comes about."""
+
+
+class Options(NamedTuple):
+    """What is fixed when the program is compiled."""
+
+    variant: Variant
+    corrected: bool
+    refractive_index: float
+    step: float
+    most: int
+
+
+class Batch(NamedTuple):
+    """Stacks, first axis; cosines have axes of angles behind it, each of length one where they do not vary."""
+
+    albedo: Float[Array, "stacks layers"]
+    thickness: Float[Array, "stacks layers"]
+    ground: Float[Array, "stacks"]
+    cos_incidence: Float[Array, "stacks *angles"]
+    cos_viewing: Float[Array, "stacks *angles"]
+
+
+@functools.partial(jax.jit, static_argnums=3)
+def solve(batch: Batch, count: Int[Array, "stacks"], vectors: tuple, options: Options) -> Split:
+    """Parts of the reflectance factor, (stacks, *angles).
+
+    Args:
+        batch: stacks.
+        count: Q of each, at most `options.most`.
+        vectors: with a fixed step, corrected: E_3 and J_2 at the edges (`KernelTable`'s e3, j2); as printed: H and
+            U, e2, j1, e3, j2; else none.
+        options: static.
+    """
+    vectors = jax.tree.map(lambda v: jnp.asarray(v, batch.albedo.dtype), vectors)
+    if options.variant == "fixed_step" and options.corrected:
+        return _galerkin(batch, count, vectors, options)
+    if options.variant == "fixed_step":
+        return _collocation(batch, count, vectors, options)
+
+    def one(stack_and_count: tuple[Batch, Array]) -> Split:
+        alone, its_count = jax.tree.map(lambda leaf: leaf[None], stack_and_count)
+        return jax.tree.map(lambda leaf: leaf[0], _collocation(alone, its_count, vectors, options))
+
+    # One after the other: a stack's own matrix then stays in the cache through assembly and solution.
+    return jax.lax.map(one, (batch, count))
+
+
+class _Beam(NamedTuple):
+    """A direction (stacks, *angles): its cosine inside, the transmittance of the surface, and exp(-h/mu)."""
+
+    cosine: Array
+    transmittance: Array
+    decay: Array
+
+    @classmethod
+    def make(cls, cos_air: Array, index: float, depth: Array) -> "_Beam":
+        cosine = cos_refracted(cos_air, index)
+        return cls(cosine, 1.0 - dielectric_reflectance(cos_air, index), jnp.exp(-append_axes(depth, cosine) / cosine))
+
+    def antiderivative(self, depth: Array) -> Array:
+        """Of exp(-s/mu) at depths (k, stacks), (k, stacks, *angles)."""
+        s = append_axes(depth, self.cosine[None])
+        return -self.cosine * jnp.exp(-s / self.cosine)
+
+
+def _galerkin(batch: Batch, count: Array, vectors: tuple, options: Options) -> Split:
+    """Fixed step, corrected; see the module."""
+    segments = Segments.make(batch.albedo.T, batch.thickness.T, options.step, count, options.most)
+    edges, faces = segments.edges, segments.faces
+    depth = faces[-1]
+
+    depths = jnp.concatenate([edges, faces])
+
+    def kernel(face: Array) -> Array:
+        reflected = internal_reflection_integral(2, face + depths, options.refractive_index)
+        # Not abs, whose slope at zero is neither side's: a face on an edge is in the segment below it.
+        return reflected - expn(3, jnp.where(face >= depths, face - depths, depths - face))
+
+    # (layers, n + layers, stacks)
+    to_all = assembly.computed_once(lambda: jax.lax.map(kernel, faces), 1.0 + depth)
+    to_faces, among_faces = to_all[:, : options.most], to_all[:, options.most :]
+    among_edges = assembly.toeplitz_plus_hankel(-vectors[0], vectors[1])
+
+    def apply(t: Array) -> Array:
+        at_edges, at_faces = segments.jumps(t)
+        field_edges = jnp.matmul(among_edges, at_edges.reshape(options.most, -1), precision="highest").reshape(t.shape)
+        field_edges += jnp.sum(to_faces[..., None] * at_faces[:, None], axis=0)
+        field_faces = jnp.sum(to_faces[..., None] * at_edges, axis=1)
+        field_faces += jnp.sum(among_faces[..., None] * at_faces, axis=1)
+        return segments.doubled[..., None] * t - 0.5 * segments.average(field_edges, field_faces)
+
+    incident = _Beam.make(batch.cos_incidence, options.refractive_index, depth)
+    viewing = _Beam.make(batch.cos_viewing, options.refractive_index, depth)
+    into, out = ((beam.antiderivative(edges), beam.antiderivative(faces)) for beam in (incident, viewing))
+    strength = incident.transmittance / (2.0 * jnp.pi * incident.cosine)
+    # M, the light that an evenly bright ground sends: the kernel's column at the ground.
+    once = strength * segments.average(*into)  # g
+    from_ground = -segments.average(to_faces[-1], among_faces[-1])
+    scattered, from_ground = _solve(apply, segments.scattering, once, from_ground)
+    seen = segments.integrate(*out)
+
+    def to_ground(beam: _Beam, sources: Array) -> Array:
+        """mu exp(-h/mu) and what is scattered towards the ground after; of the viewing beam, the reverse."""
+        return beam.cosine * beam.decay + 0.5 * jnp.sum(append_axes(from_ground, sources) * sources, axis=0)
+
+    back = jnp.sum(-segments.integrate(to_faces[-1], among_faces[-1]) * from_ground, axis=0)
+    k = 2.0 * among_faces[-1, -1] + 1.0  # 2 J_2(2h): the kernel there is J_2(2h) - E_3(0)
+    lost = append_axes(1.0 - batch.ground * (k + back), incident.cosine)
+    arriving = 2.0 * jnp.pi * strength * to_ground(incident, segments.integrate(*into)) / lost  # B
+    leaving = append_axes(batch.ground, arriving) / jnp.pi * arriving
+    single = strength * _scattered_once(batch, incident, viewing)
+    multiple = jnp.sum(seen * scattered, axis=0) + leaving * jnp.sum(seen * append_axes(from_ground, seen), axis=0)
+    return _seen(viewing, options.refractive_index, leaving, single, 0.5 * multiple)
+
+
+def _collocation(batch: Batch, count: Array, vectors: tuple, options: Options) -> Split:
+    """Eqs (23)-(34): midpoints; each stack's own step, or the fixed one as printed."""
+    index = options.refractive_index
+    depth = jnp.sum(batch.thickness, axis=1)
+    present = depth > 0
+    held = jnp.where(present, count, 0)  # Q
+    if options.variant == "fixed_step":
+        step = jnp.full_like(depth, options.step)
+        depth = held * step
+        matrix, *rest = vectors
+        matrix = assembly.toeplitz_plus_hankel(matrix, rest.pop(0))
+        m, m_integrated, k = _tabulated_ground(rest, held, options.most)
+    else:
+        step = jnp.where(present, depth / count, options.step)
+        assemble = assembly.direct if options.variant == "direct" else assembly.decomposed
+        matrix, m, m_integrated, k = assemble(step, held, options.most, index)
+    incident, viewing = (_Beam.make(c, index, depth) for c in (batch.cos_incidence, batch.cos_viewing))
+    strength = incident.transmittance / (2.0 * jnp.pi * incident.cosine)
+    edges = jnp.arange(options.most + 1)[:, None] * step
+    if options.corrected:
+        segments = Segments.make(batch.albedo.T, batch.thickness.T, step, count, options.most)
+        albedo = jnp.where(present, segments.scattering / step, 0.0)
+
+        into, out = (
+            (beam.antiderivative(segments.edges), beam.antiderivative(segments.faces)) for beam in (incident, viewing)
+        )
+        seen, once = segments.integrate(*out), strength * segments.average(*into)
+        single = strength * _scattered_once(batch, incident, viewing)
+    else:
+        middle = edges[:-1] + 0.5 * step
+        layer = jnp.sum(jnp.cumsum(batch.thickness, axis=1).T[:-1, None] <= middle, axis=0)
+        albedo = jnp.take_along_axis(batch.albedo.T, layer, axis=0)
+        albedo = jnp.where(jnp.arange(options.most)[:, None] < held, albedo, 0.0)
+        seen = viewing.antiderivative(edges)
+        seen = append_axes(albedo, seen) * (seen[1:] - seen[:-1])
+        once = strength * jnp.exp(-append_axes(middle, incident.cosine[None]) / incident.cosine)
+        single = 0.5 * jnp.sum(seen * once, axis=0)
+
+    def scatter(t: Array) -> Array:
+        """1/2 (H + U) P t."""
+        source = albedo[..., None] * t
+        if matrix.ndim == 2:
+            product = jnp.matmul(matrix, source.reshape(options.most, -1), precision="highest").reshape(t.shape)
+        else:
+            product = _rows_times(source[:, 0].T, matrix[0]).T[:, None]
+        return 0.5 * product
+
+    scattered, from_ground = _solve(scatter, albedo, once, m)
+    reaching = jnp.sum(append_axes(m_integrated * albedo, once) * (once + scattered), axis=0)
+    back = jnp.sum(m_integrated * albedo * from_ground, axis=0)
+    lost = append_axes(1.0 - batch.ground * (k + back), incident.cosine)
+    arriving = (incident.transmittance * incident.decay + jnp.pi * reaching) / lost  # B, eq. (34)
+    leaving = append_axes(batch.ground, arriving) / jnp.pi * arriving
+    multiple = jnp.sum(seen * scattered, axis=0) + leaving * jnp.sum(seen * append_axes(from_ground, seen), axis=0)
+    return _seen(viewing, index, leaving, single, 0.5 * multiple)
+
+
+def _solve(apply, weight: Array, once: Array, ground: Array) -> tuple[Array, Array]:
+    """Auxiliary function f of the beam's light (n, stacks, *angles) and of an evenly bright ground's (n, stacks).
+
+    Both without the ground's further reflections, which are a number for each stack. ``once`` is g; t = f + g is what
+    the equation is solved for.
+    """
+    right = jnp.concatenate([once.reshape(*once.shape[:2], -1), ground[..., None]], axis=-1)
+    both = solve_contraction(apply, weight[..., None], right)
+    return both[..., :-1].reshape(once.shape) - once, both[..., -1]
+
+
+def _rows_times(rows: Array, matrix: Array) -> Array:
+    """rows @ matrix; a few rows one by one, which XLA does several times faster on the CPU than together."""
+    if rows.shape[0] > 3:
+        return jnp.matmul(rows, matrix, precision="highest")
+    return jnp.stack([jnp.matmul(row, matrix, precision="highest") for row in rows])
+
+
+def _tabulated_ground(tables: list[Array], count: Array, most: int) -> tuple[Array, Array, Array]:
+    """M, M' and K by the table: h is a multiple of the step, so that all depths in them are, too."""
+    e2, j1, e3, j2 = tables
+    i = jnp.arange(most)[:, None]
+    above = jnp.maximum(count - 1 - i, 0)
+    m = e2[above] + j1[count + i]
+    return m, e3[above] - e3[above + 1] + j2[count + i] - j2[count + i + 1], 2.0 * j2[2 * count]
+
+
+def _scattered_once(batch: Batch, incident: _Beam, viewing: _Beam) -> Array:
+    """1/2 int q exp(-s/mu_0) exp(-s/mu) ds, exact."""
+    rate = 1.0 / incident.cosine + 1.0 / viewing.cosine
+    top = jnp.cumsum(batch.thickness, axis=1) - batch.thickness
+    total = jnp.zeros_like(rate)
+    for layer in range(batch.albedo.shape[1]):
+        q, above, d = (append_axes(a[:, layer], rate) for a in (batch.albedo, top, batch.thickness))
+        total += q * jnp.exp(-above * rate) * decay_integral(rate, d)
+    return 0.5 * total
+
+
+def _seen(viewing: _Beam, index: float, leaving: Array, single: Array, multiple: Array) -> Split:
+    """Radiance below the surface, by eq. (32), as parts of the reflectance factor."""
+    factor = jnp.pi / index**2 * viewing.transmittance / viewing.cosine
+    parts = (leaving * viewing.cosine * viewing.decay, single, multiple)
+    shape = jnp.broadcast_shapes(*(part.shape for part in parts))
+    return Split(*(jnp.broadcast_to(factor * part, shape) for part in parts))

@@ -1,0 +1,5 @@
+"""Ground under all solvers: interfaces, directions, kernels, small linear algebra."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, ["fresnel", "phase"])

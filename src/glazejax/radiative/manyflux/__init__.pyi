@@ -1,0 +1,13 @@
+from .effort import Solution as Solution
+from .field import Field as Field
+from .field import manyflux_field as manyflux_field
+from .free import free_diffuse as free_diffuse
+from .free import free_factor as free_factor
+from .free import free_hemispherical as free_hemispherical
+from .free import free_regular as free_regular
+from .ground import GroundTable as GroundTable
+from .ground import ground_table as ground_table
+from .reflectance import brdf_table as brdf_table
+from .reflectance import manyflux_diffuse_reflectance as manyflux_diffuse_reflectance
+from .reflectance import manyflux_hemispherical_reflectance as manyflux_hemispherical_reflectance
+from .reflectance import manyflux_reflectance_factor as manyflux_reflectance_factor

@@ -1,0 +1,99 @@
+r"""Reflection and transmission operators of one homogeneous layer, by doubling: no eigenvectors, any phase function.
+
+With y = sqrt(mu w) I a layer is u' = -A v, v' = -B u (see `manyflux_phase.rates`). It is symmetric about its middle,
+so that at the distance h from there even fields have v = -X u and odd ones u = -Y v,
+
+    X = B t(A B),  Y = A t(B A),      t(z) = tanh(sqrt(z) h)/sqrt(z) = h (1 - z h^2/3 + 2 z^2 h^4/15 - ...),
+    1 - (T + R) = 2 X (1 + X)^-1,     1 - (T - R) = 2 Y (1 + Y)^-1.
+
+A layer so thin that the series converges is doubled until it has its thickness. Next to R the loss U = 1 - T is carried
+instead of T, so that thin layers keep their relative accuracy and an albedo of one loses no light. Everything is
+rational in what is given: gradients have no special cases.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .bordered import Bordered
+
+# Series of tanh(x)/x in x^2, for x up to the half of this.
+_SERIES = (1.0, -1 / 3, 2 / 15, -17 / 315, 62 / 2835, -1382 / 155925, 21844 / 6081075)
+_THIN = 0.25
+_STEP = 4
+
+
+def doublings(thickest: float, least_cosine: float) -> int:
+    """How often a layer must be halved until the series holds in all directions.
+
+    Args:
+        thickest: largest optical thickness.
+        least_cosine: smallest cosine of any direction inside.
+    """
+    exact = max(0, int(np.ceil(np.log2(max(thickest, 1e-300) / (_THIN * least_cosine)))))
+    # Few different numbers, so that another thickness rarely needs another program.
+    return -(-exact // _STEP) * _STEP
+
+
+def layer_by_doubling(
+    a: Bordered, b: Bordered, thickness: Float[Array, "*batch"], count: int
+) -> tuple[Bordered, Bordered]:
+    """Reflection R and loss U = 1 - T of layers.
+
+    Args:
+        a, b: operators A and B of each layer.
+        thickness: optical thickness D, (...), >= 0.
+        count: number of doublings, static, at least `doublings` of the thickest layer.
+
+    Returns:
+        R and U, `Bordered`.
+    """
+    depth = thickness * 2.0**-count
+    start = _thin_layer(a, b, depth)
+    if count == 0:
+        return start
+
+    def double(state: tuple[Bordered, Bordered], _):
+        return _doubled(*state), None
+
+    return jax.lax.scan(double, start, None, length=count)[0]
+
+
+def _thin_layer(a: Bordered, b: Bordered, depth: Array) -> tuple[Bordered, Bordered]:
+    h = 0.5 * depth
+
+    # X from B and A, Y from A and B, both at once.
+    first: Bordered = jax.tree.map(lambda x, y: jnp.stack(jnp.broadcast_arrays(x, y)), b, a)
+    second: Bordered = jax.tree.map(lambda x: x[::-1], first)
+    squared = (second @ first).scaled(h * h)
+    total = squared.scaled(_SERIES[-1]).plus_identity(_SERIES[-2])
+
+    def lower_power(total: Bordered, coefficient: Array):
+        return (squared @ total).plus_identity(coefficient), None
+
+    total, _ = jax.lax.scan(lower_power, total, jnp.asarray(_SERIES[-3::-1], depth.dtype))
+    impedance = (first @ total).scaled(h).symmetric()
+    even, odd = (jax.tree.map(lambda leaf, i=i: leaf[i], impedance) for i in (0, 1))
+    return reflection_and_loss(even, odd)
+
+
+def reflection_and_loss(even: Bordered, odd: Bordered) -> tuple[Bordered, Bordered]:
+    """R and U = 1 - T of a layer from X and Y at its face, both symmetric."""
+    both: Bordered = jax.tree.map(lambda x, y: jnp.stack(jnp.broadcast_arrays(x, y)), even, odd)
+    # Half of 2 X (1 + X)^-1 and the like.
+    halves = both @ both.plus_identity().inverse()
+    from_even, from_odd = (jax.tree.map(lambda leaf, i=i: leaf[i], halves) for i in (0, 1))
+    return (from_odd - from_even).symmetric(), (from_odd + from_even).symmetric()
+
+
+def _doubled(r: Bordered, loss: Bordered) -> tuple[Bordered, Bordered]:
+    """Two equal layers: R + T (1 - R R)^-1 R T and 1 - T (1 - R R)^-1 T."""
+    t = loss.scaled(-1.0).plus_identity()
+    between = (r @ r).scaled(-1.0).plus_identity().symmetric().inverse(often=True)
+    again = (between @ r) @ t
+    back = t @ again
+    onward = t @ (r @ again)
+    # 1 - T T = U (2 - U).
+    once = loss @ loss.scaled(-1.0).plus_identity(2.0)
+    return (r + back).symmetric(), (once - onward).symmetric()

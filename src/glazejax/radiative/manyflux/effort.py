@@ -1,0 +1,132 @@
+"""From the accuracy asked for to directions, Legendre moments, azimuth modes and doublings of the many-flux solver."""
+
+from typing import Any, Literal, NamedTuple, get_args
+
+import numpy as np
+from jaxtyping import Float
+
+from ..common.directions import Resolution, half_range
+from ..common.fresnel import cos_refracted
+from ..common.inputs import concrete
+from .directions import (
+    Spread,
+    best_directions,
+    fewest_directions,
+    spread_directions,
+)
+from .doubling import doublings
+from .media import (
+    Media,
+    Pieces,
+    common_directions,
+    fewest_pieces,
+    in_medium,
+)
+
+# Moments whose weighed square is below this share of the tolerance change nothing that is scattered twice or more.
+_MOMENT_SHARE = 0.03
+# The same for azimuth modes: a mode that is left out is missed once, a moment in all modes.
+_MODE_SHARE = 0.3
+THICKEST = 1e6
+"""Layers whose thickness is traced may be this thick."""
+# A cosine that is traced may be as small as this; below it the first, thin layer is no longer thin.
+_LEAST_COSINE = 1e-4
+
+Solution = Literal["doubling", "modes"]
+"""Ways to the operators of a layer: `manyflux_layer` or `manyflux_modes`."""
+
+
+class Effort(NamedTuple):
+    """How finely a stack is solved; static."""
+
+    directions: Spread | Resolution | Pieces
+    """A `Resolution` serves where the refractive index is an array, `Pieces` where media of several are joined."""
+    kept: int
+    """Legendre moments kept; what lies beyond is the forward peak of delta-M."""
+    modes: int
+    """Azimuth modes."""
+    doublings: int | None
+    """None: layers are solved by eigenvectors."""
+
+    @property
+    def width(self) -> int:
+        """Number of directions in a hemisphere."""
+        return sum(self.directions.counts if isinstance(self.directions, Pieces) else self.directions[:2])
+
+
+def smallest_cosine(*cosines: Any) -> float:
+    """Smallest known cosine; one that is traced may be as small as 1e-4, None is a direction not asked for."""
+    known = [concrete(c) for c in cosines if c is not None]
+    return min((_LEAST_COSINE if c is None else float(c.min(initial=1.0)) for c in known), default=1.0)
+
+
+def choose_effort(
+    tolerance: float,
+    media: float | Media,
+    moments: Float[np.ndarray, "*batch layers terms"] | None,
+    terms: int,
+    thickest: float | None,
+    least_cosine: float,
+    streams: int | None,
+    *,
+    azimuthal: bool,
+    solution: Solution = "doubling",
+) -> Effort:
+    """Least effort for an accuracy.
+
+    Args:
+        tolerance: absolute error wanted.
+        media: refractive index of the layers, or all indices.
+        moments: of the phase functions, or None where they are traced: all ``terms`` are kept then.
+        terms: how many there are.
+        thickest: largest optical thickness, or None where it is traced.
+        least_cosine: smallest cosine outside, of incidence or viewing.
+        streams: number of directions in a hemisphere, if it is given.
+        azimuthal: whether the result depends on the azimuth at all.
+        solution: of the layers.
+
+    Raises:
+        ValueError: too few streams, no directions good enough, or an unknown solution.
+    """
+    if solution not in get_args(Solution):
+        raise ValueError(f"solution {solution!r} is unknown; use one of {', '.join(map(repr, get_args(Solution)))}")
+    sizes = np.ones(terms) if moments is None else np.max(np.abs(moments).reshape(-1, terms), axis=0)
+    # What a moment does to light scattered twice or more.
+    twice = (2 * np.arange(terms) + 1) * sizes**2
+    kept = int(np.flatnonzero(twice > _MOMENT_SHARE * tolerance).max(initial=0)) + 1
+    if streams is not None and streams < 2:
+        raise ValueError(f"streams is {streams}; it must be at least 2")
+    kept = kept if streams is None else min(kept, 2 * streams)
+    directions, least = _directions(media, _rounded(sizes[:kept]), tolerance, streams, least_cosine)
+    count = doublings(THICKEST if thickest is None else thickest, least)
+    modes = int(np.flatnonzero(twice[:kept] > _MODE_SHARE * tolerance).max(initial=0)) + 1 if azimuthal else 1
+    return Effort(directions, kept, modes, count if solution == "doubling" else None)
+
+
+def _directions(
+    media: float | Media, sizes: tuple[float, ...], tolerance: float, streams: int | None, least_cosine: float
+) -> tuple[Spread | Pieces, float]:
+    """Directions and the smallest cosine that light has in any layer."""
+    if isinstance(media, Media):
+        below = 1.0 if media.below is None else media.below
+        pieces = fewest_pieces(media.layers, tuple(sorted({1.0, below})), sizes, tolerance, streams)
+        nodes = [in_medium(common_directions(pieces), index) for index in media.layers]
+        least = min(float(mu[exists].min()) for mu, _, exists in nodes)
+        added = [np.sqrt((n - below) * (n + below) + (below * least_cosine) ** 2) / n for n in media.layers]
+        return pieces, float(min(least, *added))
+    fewest = streams is None
+    spread = fewest_directions(tolerance, media, sizes) if fewest else best_directions(media, streams, sizes)
+    mu = np.asarray(spread_directions(media, spread).cosines)
+    return spread, min(float(mu.min()), float(cos_refracted(least_cosine, media)))
+
+
+def effort_for_indices(resolution: Resolution, low: float, high: float, thickest: float, least_cosine: float) -> Effort:
+    """Effort of isotropic scattering in directions for a range of indices."""
+    at = [np.float64(low), np.float64(high)]
+    least = min(float(np.min(half_range(index, resolution).cosines)) for index in at)
+    return Effort(resolution, 1, 1, doublings(thickest, min(least, float(cos_refracted(least_cosine, low)))))
+
+
+def _rounded(sizes: np.ndarray) -> tuple[float, ...]:
+    """Few enough different ones that the search is rarely repeated."""
+    return tuple(float(x) for x in np.round(sizes, 4))

@@ -1,0 +1,176 @@
+r"""Reflection and transmission operators of one homogeneous layer from its eigenvectors, in symmetric half-size form.
+
+A layer is u' = -A v, v' = -B u for the sum and difference of down- and upward light (`manyflux_phase.rates`), hence
+u'' = A B u. With A = W W^T and W^T B W = diag(kappa^2), both from one symmetric eigenproblem over the directions of a
+hemisphere, every even function of the depth is a function of kappa^2 alone:
+
+    t(A B) = W t(kappa^2) W^-1,      t(z) = tanh(sqrt(z) h)/sqrt(z),
+
+and `manyflux_layer` makes R and T of it. For a direction without weight (`manyflux_bordered`) the same function acts
+through its divided differences: that is the integral of the source function along the direction, without resonances.
+
+The eigenproblem is solved by rotations (`manyflux_jacobi`), so that no LAPACK call is left that could hang in bulk.
+Derivatives are those of the function, finite at an albedo of one. They ask for eigenvalues that differ, as these do.
+
+Source: paper C (Shinya et al.), equations (18)-(20); Stamnes and Swanson, J. Atmos. Sci. 38 (1981) 387, the half size.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..common.directions import gauss
+from ..common.inverse import inverse
+from ..common.kernels import phi, tanh_sech
+from .bordered import Bordered
+from .doubling import reflection_and_loss
+from .jacobi import symmetric_eigen
+
+# Points nearer than this share of the larger are close: a difference of function values would lose digits.
+_CLOSE = 0.1
+
+
+class Modes(NamedTuple):
+    """Eigenvectors of a layer."""
+
+    decay_squared: Float[Array, "*batch n"]
+    """kappa^2, ascending."""
+    shapes: Float[Array, "*batch n n"]
+    """W, columns: the sum of down- and upward light, sqrt(mu w) I, in each mode."""
+    projection: Float[Array, "*batch n n"]
+    """W^-1."""
+
+
+def layer_modes(a: Float[Array, "*batch n n"], b: Float[Array, "*batch n n"]) -> Modes:
+    """Eigenvectors of layers.
+
+    Args:
+        a: A, symmetric positive definite.
+        b: B, symmetric, positive semidefinite.
+    """
+    squared, shapes = _eigen(a, b)
+    return Modes(squared, shapes, jnp.matmul(jnp.swapaxes(shapes, -1, -2), inverse(a), precision="highest"))
+
+
+def layer_by_modes(a: Bordered, b: Bordered, thickness: Float[Array, "*batch"]) -> tuple[Bordered, Bordered]:
+    """Reflection R and loss U = 1 - T of layers; the same as `layer_by_doubling`.
+
+    Args:
+        a, b: operators A and B of each layer.
+        thickness: optical thickness D, (...), >= 0.
+    """
+    modes = layer_modes(a.core, b.core)
+    half = 0.5 * thickness[..., None]
+    even = b @ _tangent(a @ b, modes.shapes, modes.projection, modes.decay_squared, half)
+    back, into = (jnp.swapaxes(m, -1, -2) for m in (modes.projection, modes.shapes))
+    odd = a @ _tangent(b @ a, back, into, modes.decay_squared, half)
+    return reflection_and_loss(even.symmetric(), odd.symmetric())
+
+
+def _tangent(product: Bordered, shapes: Array, projection: Array, squared: Array, depth: Array) -> Bordered:
+    """t of a bordered operator whose core is shapes diag(squared) projection; depth is (..., 1)."""
+
+    def times(x: Array, y: Array) -> Array:
+        return jnp.matmul(x, y, precision="highest")
+
+    columns, rows = times(projection, product.columns), times(product.rows, shapes)
+    own = tanh_sech(squared, depth)[0]
+    seen, lit = product.viewing, product.incidence
+    passed = [tanh_sech(x, depth)[0] for x in (seen, lit)]
+    lit_modes = first_difference(squared[..., :, None], lit[..., None, :], depth[..., None])
+    seen_modes = first_difference(squared[..., None, :], seen[..., :, None], depth[..., None])
+    straight = first_difference(seen[..., :, None], lit[..., None, :], depth[..., None])
+    corner = product.corner * straight
+    if corner.size:
+        by_modes = second_difference(
+            seen[..., :, None, None], squared[..., None, None, :], lit[..., None, :, None], depth[..., None, None]
+        )
+        corner += jnp.einsum("...vk,...vik,...ki->...vi", rows, by_modes, columns, precision="highest")
+    upper = jnp.concatenate(
+        [times(shapes * own[..., None, :], projection), times(shapes, lit_modes * columns)], axis=-1
+    )
+    lower = jnp.concatenate([times(seen_modes * rows, projection), corner], axis=-1)
+    return Bordered(jnp.concatenate([upper, lower], axis=-2), *passed)
+
+
+def first_difference(z: Array, x: Array, depth: Array) -> Array:
+    """(t(z) - t(x))/(z - x), regular where they meet; x > 0, z >= 0."""
+    z, x, depth = jnp.broadcast_arrays(z, x, depth)
+    close = jnp.abs(z - x) < _CLOSE * jnp.maximum(z, x)
+    apart = jnp.where(close, 0.0, z)
+    slope = tanh_sech(apart, depth)[0] - tanh_sech(x, depth)[0]
+    return jnp.where(close, _close_difference(jnp.where(close, z, x), x, depth), slope / jnp.where(close, 1.0, z - x))
+
+
+def _close_difference(z: Array, x: Array, depth: Array) -> Array:
+    low, high = jnp.sqrt(jnp.minimum(z, x)), jnp.sqrt(jnp.maximum(z, x))
+    fades = [jnp.exp(-2.0 * depth * k) for k in (low, high)]
+    # tanh(b) - tanh(a) over b - a, without a difference.
+    tangents = 4.0 * depth * fades[0] * phi(2.0 * depth * (high - low)) / ((1.0 + fades[0]) * (1.0 + fades[1]))
+    return (tangents - jnp.tanh(low * depth) / low) / (high * (high + low))
+
+
+def second_difference(x: Array, z: Array, y: Array, depth: Array) -> Array:
+    """Second divided difference of t at x, z and y, regular where any of them meet; x, y > 0, z >= 0."""
+    x, z, y, depth = jnp.broadcast_arrays(x, z, y, depth)
+    close = jnp.abs(x - y) < _CLOSE * jnp.maximum(x, y)
+    apart = (first_difference(z, x, depth) - first_difference(z, y, depth)) / jnp.where(close, 1.0, x - y)
+    # Where x and y are close: the mean slope of the first difference between them.
+    points, weights = gauss(5)
+    between = jnp.where(close, y, x)[..., None] + jnp.where(close, x - y, 0.0)[..., None] * points
+    at = jnp.broadcast_to(z[..., None], between.shape), jnp.broadcast_to(depth[..., None], between.shape)
+    _, slope = jax.jvp(lambda s: first_difference(at[0], s, at[1]), (between,), (jnp.ones_like(between),))
+    return jnp.where(close, jnp.sum(slope * weights, axis=-1), apart)
+
+
+@jax.custom_jvp
+def _eigen(a: Array, b: Array) -> tuple[Array, Array]:
+    """kappa^2 and W with A = W W^T, W^T B W = diag(kappa^2)."""
+    factor = _cholesky(a)
+    reduced = jnp.matmul(jnp.swapaxes(factor, -1, -2), jnp.matmul(b, factor, precision="highest"), precision="highest")
+    squared, vectors = symmetric_eigen(0.5 * (reduced + jnp.swapaxes(reduced, -1, -2)))
+    return jnp.maximum(squared, 0.0), jnp.matmul(factor, vectors, precision="highest")
+
+
+@_eigen.defjvp
+def _eigen_jvp(primals, tangents):
+    a, b = primals
+    squared, shapes = _eigen(a, b)
+    across = jnp.swapaxes(shapes, -1, -2)
+    back = jnp.matmul(across, inverse(a), precision="highest")
+
+    def between(left: Array, change: Array, right: Array) -> Array:
+        return jnp.matmul(jnp.matmul(left, change, precision="highest"), right, precision="highest")
+
+    by_a = between(back, tangents[0], jnp.swapaxes(back, -1, -2))
+    by_b = between(across, tangents[1], shapes)
+    turn = by_b + by_a * squared[..., None, :]
+    on_diagonal = np.eye(squared.shape[-1], dtype=bool)
+    gap = squared[..., None, :] - squared[..., :, None]
+    safe = jnp.where(gap == 0, 1.0, gap)
+    turn_shapes = jnp.where(on_diagonal, 0.5 * by_a, jnp.where(gap == 0, 0.0, turn / safe))
+    slope = jnp.diagonal(turn, axis1=-2, axis2=-1)
+    return (squared, shapes), (slope, jnp.matmul(shapes, turn_shapes, precision="highest"))
+
+
+def _cholesky(a: Array) -> Array:
+    """Triangular factor of symmetric positive definite matrices, last row first: steep directions stay apart.
+
+    With the nodes in descending order of cosine, the entries of grazing ones, which are largest, are eliminated first,
+    so that they leave no rounding in the others.
+    """
+    n = a.shape[-1]
+
+    def eliminate(step: Array, state: tuple[Array, Array]) -> tuple[Array, Array]:
+        work, factor = state
+        j = n - 1 - step
+        row = jax.lax.dynamic_index_in_dim(work, j, work.ndim - 2, keepdims=False)
+        pivot = jax.lax.dynamic_index_in_dim(row, j, row.ndim - 1)
+        column = jnp.where(jnp.arange(n) <= j, row, 0.0) / jnp.sqrt(pivot)
+        work = work - column[..., :, None] * column[..., None, :]
+        return work, factor + column[..., :, None] * (jnp.arange(n) == j)
+
+    return jax.lax.fori_loop(0, n, eliminate, (a, jnp.zeros_like(a)))[1]

@@ -1,0 +1,137 @@
+"""Light inside the layers: radiance in any direction at any depth.
+
+surface     r, 1 - r
+layers      cut at the depth asked for: a slab above,
+------      down = (1 - R_above R_below)^-1 T,  up = R_below down
+layers      and what reflects below
+ground
+"""
+
+import functools
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..common.inputs import Numbers, check_values, concrete
+from .bordered import Diagonal, diagonal
+from .call import Stack, Wish, prepare
+from .effort import Effort, Solution
+from .scattering import azimuth_waves, rates
+from .solve import Layers, layer_operators, scene_of
+from .star_product import (
+    Slab,
+    join,
+    join_all,
+    lambert,
+    slab_of_layer,
+    stack_reflection,
+)
+
+
+class Field(NamedTuple):
+    """Light at each depth for a beam of irradiance E on the surface."""
+
+    down: Float[Array, "depths directions azimuths"]
+    """pi L/E of scattered light that travels downwards."""
+    up: Float[Array, "depths directions azimuths"]
+    """The same upwards; the beam's mirror images are not in it, nor in ``down``."""
+    beam: Float[Array, "depths"]
+    """Share of E that goes on as the beam."""
+    flux_down: Float[Array, "depths"]
+    """Flux of all light downwards, over E."""
+    flux_up: Float[Array, "depths"]
+    """Flux of all light upwards, over E."""
+
+
+def manyflux_field(
+    albedo: Float[Numbers, "layers"],
+    optical_thickness: Float[Numbers, "layers"],
+    substrate_reflectance: Float[Numbers, ""],
+    *,
+    depth: Float[Numbers, "depths"],
+    cos_direction: Float[Numbers, "directions"],
+    azimuth: Float[Numbers, "azimuths"] = (0.0,),
+    phase: Float[Numbers, "#layers terms"] | None = None,
+    refractive_index: float = 1.5,
+    cos_incidence: Float[Numbers, ""] = 1.0,
+    tolerance: float = 1e-6,
+    streams: int | None = None,
+    solution: Solution = "doubling",
+) -> Field:
+    """Field of one stack.
+
+    Args:
+        depth: optical depths below the surface, (depths,), from 0 to the whole thickness.
+        cos_direction: cosines inside the paint, (directions,), in (0, 1], for light downwards and upwards alike.
+        azimuth: degrees, (azimuths,), 0 on the beam's side.
+        cos_incidence: in air, ().
+        The others as for `manyflux.manyflux_reflectance_factor`, for one stack.
+
+    Returns:
+        `Field`.
+
+    Raises:
+        ValueError: as there, for a batch of stacks, several refractive indices, or a depth outside the layers.
+
+    Notes:
+        Where the phase function has more moments than are kept, light scattered by its forward peak counts as not
+        scattered (delta-M); it is in ``beam`` and in the fluxes.
+    """
+    directions = np.atleast_1d(np.asarray(cos_direction, float))
+    check_values({"cos_viewing": directions})
+    stack = Stack(albedo, optical_thickness, substrate_reflectance, phase, refractive_index)
+    given = {"cos_incidence": cos_incidence}
+    call = prepare(stack, Wish(tolerance, streams, solution), given, 0.0, least=float(directions.min(initial=1.0)))
+    if call.batch != ():
+        raise ValueError(f"the field is that of one stack; here are {call.batch} of them: use jax.vmap")
+    if not isinstance(call.options.media, float):
+        raise ValueError("the field inside is found for one refractive index; give a number")
+    layers = jax.tree.map(lambda leaf: leaf[0], call.layers)
+    dtype = layers.albedo.dtype
+    depths = jnp.atleast_1d(jnp.asarray(depth, dtype))
+    known, whole = concrete(depths), concrete(layers.optical_thickness)
+    if known is not None and whole is not None:
+        wrong = known[~((known >= 0) & (known <= whole.sum() * (1 + 1e-9)))]
+        if wrong.size:
+            raise ValueError(f"depth holds {wrong[0]}; it must be between 0 and the whole thickness {whole.sum():g}")
+    axes = jnp.asarray(directions, dtype), jnp.deg2rad(jnp.atleast_1d(jnp.asarray(azimuth, dtype)))
+    return _field(layers, depths, axes, call.angles["cos_incidence"], call.options.media, call.options.effort)
+
+
+@functools.partial(jax.jit, static_argnums=(4, 5))
+def _field(layers: Layers, depths: Array, axes: tuple[Array, Array], lit: Array, index: float, effort: Effort) -> Field:
+    seen, azimuth = axes
+    modes = effort.modes
+    scene = scene_of(layers, index, seen, lit, effort, modes, inside=True)
+    a, b = rates(scene.albedo[:, None], scene.even, scene.odd, scene.cosines)
+    top = jnp.cumsum(layers.optical_thickness) - layers.optical_thickness
+    surface = jax.tree.map(lambda x: jnp.broadcast_to(x, (modes, *x.shape)), scene.surface)
+    passing = diagonal(Diagonal(*(1.0 - r for r in surface)))
+    face = Slab(diagonal(surface).scaled(0.0), diagonal(surface), passing, passing)
+    waves = azimuth_waves(azimuth, modes)
+    unit = 2.0 * scene.roots.viewing[:, None] * scene.roots.incidence
+
+    def at(depth: Array) -> Field:
+        # How much of each layer lies above, as a share that delta-M leaves as it is.
+        above = jnp.clip(depth - top, 0.0, layers.optical_thickness)
+        share = above / jnp.where(layers.optical_thickness > 0, layers.optical_thickness, 1.0)
+        upper = layer_operators(a, b, (share * scene.thickness)[:, None], effort)
+        lower = layer_operators(a, b, ((1.0 - share) * scene.thickness)[:, None], effort)
+        slab = join(face, join_all(slab_of_layer(*upper)))
+        below = stack_reflection(*lower, lambert(layers.ground, scene.roots, modes, depth.dtype))
+        down = (slab.below @ below).scaled(-1.0).plus_identity().inverse() @ slab.down
+        up = below @ down
+
+        def radiance(operator) -> Array:
+            return jnp.einsum("mvi,mk->vik", operator.corner / unit, waves, precision="highest")[:, 0]
+
+        def flux(operator) -> Array:
+            return scene.roots.nodes @ operator.columns[0, :, 0] / scene.roots.incidence[0]
+
+        beam = down.incidence[0, 0]
+        return Field(radiance(down), radiance(up), beam, flux(down) + beam, flux(up) + up.incidence[0, 0])
+
+    return jax.lax.map(at, depths)

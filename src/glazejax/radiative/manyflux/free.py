@@ -1,0 +1,123 @@
+"""Free-standing layers: what they reflect and let through, with smooth surfaces on both sides.
+
+    air, index 1
+    layers, any indices and phase functions
+    what lies below, index_below (air by default)
+
+Light comes from above. With ``transmitted`` the result is what leaves below, else what comes back to the air.
+"""
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..common.inputs import Numbers
+from .call import Indices, Stack, Wish, diffuse, factors, fluxes, prepare
+from .effort import Solution
+
+
+def free_factor(
+    albedo: Float[Numbers, "*batch layers"],
+    optical_thickness: Float[Numbers, "*batch layers"],
+    *,
+    transmitted: bool,
+    phase: Float[Numbers, "*#batch #layers terms"] | None = None,
+    refractive_index: Indices = 1.5,
+    index_below: float = 1.0,
+    cos_incidence: Float[Numbers, "*batch"] = 1.0,
+    cos_viewing: Float[Numbers, "*batch"] = 1.0,
+    azimuth: Float[Numbers, "*batch"] = 0.0,
+    tolerance: float = 1e-6,
+    streams: int | None = None,
+    solution: Solution = "doubling",
+) -> Float[Array, "*batch"]:
+    """Reflectance or transmittance factor pi L_out/E_in of scattered light.
+
+    Args:
+        transmitted: whether the light is seen from below, else from above.
+        index_below: refractive index of what lies below, at least 1 and at most that of every layer.
+        cos_viewing: in the medium of the eye: in air, or below where ``transmitted``.
+        azimuth: degrees between the horizontal directions of travel; 0 is straight on.
+        The others as for `manyflux.manyflux_reflectance_factor`.
+
+    Returns:
+        Factor, shape of the broadcast batch. Light that goes straight through or is mirrored by a surface goes in one
+        direction only and is not in it.
+
+    Raises:
+        ValueError: as there, or an ``index_below`` out of range.
+    """
+    stack = Stack(albedo, optical_thickness, 0.0, phase, refractive_index, None, index_below)
+    given = {"cos_incidence": cos_incidence, "cos_viewing": cos_viewing}
+    call = prepare(stack, Wish(tolerance, streams, solution), given, azimuth, downward=transmitted)
+    return factors(*call[:4]).reshape(call.batch)
+
+
+def free_hemispherical(
+    albedo: Float[Numbers, "*batch layers"],
+    optical_thickness: Float[Numbers, "*batch layers"],
+    *,
+    transmitted: bool,
+    phase: Float[Numbers, "*#batch #layers terms"] | None = None,
+    refractive_index: Indices = 1.5,
+    index_below: float = 1.0,
+    cos_incidence: Float[Numbers, "*batch"] = 1.0,
+    tolerance: float = 1e-6,
+    streams: int | None = None,
+    solution: Solution = "doubling",
+) -> Float[Array, "*batch"]:
+    """Flux that leaves above or below over flux of a collimated beam.
+
+    All light is in it, straight and mirrored too, but not what the outer surface reflects at once. Arguments, result
+    and errors as for `free_factor`.
+    """
+    stack = Stack(albedo, optical_thickness, 0.0, phase, refractive_index, None, index_below)
+    wish = Wish(tolerance, streams, solution)
+    call = prepare(stack, wish, {"cos_incidence": cos_incidence}, downward=transmitted)
+    return fluxes(*call[:4]).reshape(call.batch)
+
+
+def free_diffuse(
+    albedo: Float[Numbers, "*batch layers"],
+    optical_thickness: Float[Numbers, "*batch layers"],
+    *,
+    transmitted: bool,
+    phase: Float[Numbers, "*#batch #layers terms"] | None = None,
+    refractive_index: Indices = 1.5,
+    index_below: float = 1.0,
+    tolerance: float = 1e-6,
+    streams: int | None = None,
+    solution: Solution = "doubling",
+) -> Float[Array, "*batch"]:
+    """Flux that leaves above or below over flux of light that falls in evenly from all sides (equal radiance).
+
+    As `free_hemispherical` otherwise.
+    """
+    stack = Stack(albedo, optical_thickness, 0.0, phase, refractive_index, None, index_below)
+    call = prepare(stack, Wish(tolerance, streams, solution), {}, downward=transmitted)
+    return diffuse(call.layers, call.table, call.options).reshape(call.batch)
+
+
+def free_regular(
+    albedo: Float[Numbers, "*batch layers"],
+    optical_thickness: Float[Numbers, "*batch layers"],
+    *,
+    phase: Float[Numbers, "*#batch #layers terms"] | None = None,
+    refractive_index: Indices = 1.5,
+    index_below: float = 1.0,
+    cos_incidence: Float[Numbers, "*batch"] = 1.0,
+) -> Float[Array, "*batch"]:
+    """Share of a beam that goes straight through, with all its reflections between the surfaces.
+
+    The rest of what `free_hemispherical` lets through was scattered. Arguments as there.
+    """
+    nothing = jnp.zeros_like(jnp.asarray(albedo, jnp.result_type(float)))
+    return free_hemispherical(
+        nothing,
+        optical_thickness,
+        transmitted=True,
+        phase=phase,
+        refractive_index=refractive_index,
+        index_below=index_below,
+        cos_incidence=cos_incidence,
+        tolerance=1e-3,
+    )

@@ -1,0 +1,112 @@
+"""Grounds that reflect by a table over angles, as operators like any other."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..common.inputs import Numbers, concrete
+from .bordered import Bordered, Diagonal
+from .star_product import lambert
+
+_RECIPROCAL = 1e-3
+
+
+class GroundTable(NamedTuple):
+    """Reflectance factor pi L_out/E_in of a ground, as seen inside the paint; make it with `ground_table`."""
+
+    cosines: Float[Array, "t"]
+    """Descending from 1, for viewing and incidence alike."""
+    modes: Float[Array, "m t t"]
+    """Means of factor times cos(m azimuth)."""
+
+
+def ground_table(
+    cosines: Float[Numbers, "t"], factor: Float[Numbers, "t t"] | Float[Numbers, "t t azimuths"]
+) -> GroundTable:
+    """A ground by its reflectance factor over angles, linear in the cosines between them.
+
+    Args:
+        cosines: of the angles inside the paint, for viewing and incidence alike, (t,), in [0, 1], descending. Below the
+            last the table goes on as it ends.
+        factor: pi L_out/E_in, (viewing, incidence) or (viewing, incidence, azimuths) at equal steps of the relative
+            azimuth from 0 (the side of the mirror) to 180 degrees, both included. Everywhere 1 is a perfect white.
+
+    Raises:
+        ValueError: shapes that do not fit, negative values, a table that is not reciprocal, or that reflects more light
+            than falls in.
+    """
+    x = np.asarray(cosines, float)
+    values = np.asarray(factor, float)
+    if values.ndim == 2:
+        values = values[..., None]
+    if x.ndim != 1 or values.shape[:-1] != (x.size, x.size) or values.shape[-1] < 1:
+        raise ValueError(
+            f"factor has shape {values.shape}; for {x.size} cosines it must begin with ({x.size}, {x.size})"
+        )
+    if not (x.size and np.all(np.diff(x) < 0) and x[0] <= 1 and x[-1] >= 0):
+        raise ValueError(f"cosines must descend within 1 to 0; they are {x}")
+    if not np.all(values >= 0):
+        raise ValueError(f"factor holds {values[~(values >= 0)].flat[0]}; a reflectance factor is >= 0")
+    change = np.max(np.abs(values - np.swapaxes(values, 0, 1)))
+    if change > _RECIPROCAL * np.max(values):
+        raise ValueError(
+            f"factor is not reciprocal: light and eye exchanged change it by up to {change:.3g}; average the table "
+            "with its transpose"
+        )
+    azimuths = values.shape[-1]
+    # The trapezium rule over half a turn; modes beyond the table's resolution are not in it.
+    orders, angles = np.arange(max(1, azimuths - 1)), np.linspace(0.0, np.pi, azimuths)
+    weights = np.full(azimuths, 1.0 / max(1, azimuths - 1))
+    if azimuths > 1:
+        weights[[0, -1]] *= 0.5
+    modes = np.einsum("vik,mk,k->mvi", values, np.cos(orders[:, None] * angles), weights)
+    modes = 0.5 * (modes + np.swapaxes(modes, 1, 2))
+    fine, share = np.polynomial.legendre.leggauss(64)
+    mu = 0.5 * (1 + fine)
+    reflected = _between(x, mu) @ modes[0] @ (_between(x, mu).T @ (mu * share))
+    if np.max(reflected) > 1 + 1e-6:
+        raise ValueError(
+            f"the ground reflects {np.max(reflected):.4g} of the light in some direction; at most 1 can come"
+        )
+    return GroundTable(jnp.asarray(x), jnp.asarray(modes))
+
+
+def ground_operator(
+    reflectance: Float[Array, ""], table: GroundTable | None, cosines: Diagonal, roots: Diagonal, modes: int
+) -> Bordered:
+    """A ground as an operator: reflectance times the table, Lambertian without one.
+
+    Args:
+        reflectance: (), a share of the table.
+        table: over angles.
+        cosines: of nodes and added directions in the last layer.
+        roots: sqrt(mu w) of these there, over whatever the operators are scaled with.
+        modes: number of azimuth modes; the result has them as its leading axis.
+    """
+    dtype = roots.nodes.dtype
+    if table is None:
+        return lambert(reflectance, roots, modes, dtype)
+    rows = jnp.concatenate([roots.nodes, roots.viewing])
+    columns = jnp.concatenate([roots.nodes, roots.incidence])
+    ways = [_between(table.cosines, jnp.concatenate([cosines.nodes, c])) for c in cosines[1:]]
+    means = jnp.einsum("vs,mst,it->mvi", ways[0], table.modes.astype(dtype), ways[1], precision="highest")[:modes]
+    body = 2.0 * reflectance * rows[:, None] * columns * means
+    spare = modes - body.shape[0]
+    return Bordered(
+        jnp.concatenate([body, jnp.zeros((spare, *body.shape[1:]), dtype)]),
+        jnp.zeros((modes, roots.viewing.size), dtype),
+        jnp.zeros((modes, roots.incidence.size), dtype),
+    )
+
+
+def _between(knots, cosines):
+    """Matrix of linear interpolation from descending knots to cosines, (cosines, knots)."""
+    xp = np if concrete(cosines) is not None and concrete(knots) is not None else jnp
+    if knots.shape[0] == 1:
+        return xp.ones((cosines.shape[0], 1))
+    place = xp.clip(xp.sum(cosines[:, None] < knots, axis=1) - 1, 0, knots.shape[0] - 2)
+    share = xp.clip((knots[place] - cosines) / (knots[place] - knots[place + 1]), 0.0, 1.0)
+    here = xp.arange(knots.shape[0])
+    return (here == place[:, None]) * (1.0 - share)[:, None] + (here == place[:, None] + 1) * share[:, None]

@@ -1,0 +1,223 @@
+"""Layers of any refractive indices joined with the smooth surfaces between them, as one slab or on a ground.
+
+    air              surface, Fresnel's reflectance and refraction
+    layer 1, n_1     R, T
+                     surface between n_1 and n_2
+    layer 2, n_2     R, T
+                     ground, or the surface to what lies below
+
+All operators act on sqrt(mu w) I/n, in directions that all media share (`manyflux_media`): then a surface is
+diagonal, the n^2 by which radiance changes is in the weights, and everything is joined by the star product. Added
+directions count as of flux n^2 mu w = 1. The outer surface's own reflection is left out.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..common.phase import delta_m
+from .bordered import Bordered, Diagonal, diagonal
+from .effort import Effort
+from .ground import GroundTable, ground_operator
+from .media import (
+    Media,
+    Pieces,
+    common_directions,
+    in_medium,
+    interface_reflectance,
+)
+from .scattering import (
+    associated_legendre,
+    azimuth_waves,
+    rates,
+    scattering,
+)
+from .single import Once, missing_once
+from .solve import Layers, layer_operators
+from .star_product import Slab, join, join_all, slab_of_layer
+
+# An empty layer between faces that reflect totally would keep its light for ever.
+_THINNEST = 1e-12
+
+
+class Ways(NamedTuple):
+    """One set of directions followed through all media."""
+
+    cosines: Float[Array, "media d"]
+    exists: Array | np.ndarray  # (media, d), boolean
+
+
+class Joined(NamedTuple):
+    """A stack as operators on all modes, and what is needed to read them."""
+
+    slab: Slab
+    """From air to the medium below, or to the ground, which is not yet in it."""
+    ground: Bordered | None
+    faces: Slab
+    """The surfaces, air first, as the leading axis."""
+    coats: Slab
+    """The layers between them."""
+    flux: Float[Array, "n"]
+    """n^2 mu w of the nodes."""
+    outside: np.ndarray
+    """(n,), nodes that exist in the air."""
+    beneath: np.ndarray
+    """(n,), nodes that exist below."""
+    once: Once
+    even: Array
+    odd: Array
+
+    @property
+    def reflection(self) -> Bordered:
+        """Reflection as seen from the air."""
+        if self.ground is None:
+            return self.slab.above
+        between = (self.slab.below @ self.ground).scaled(-1.0).plus_identity().inverse()
+        return self.slab.above + self.slab.up @ (self.ground @ (between @ self.slab.down))
+
+
+def joined_stack(
+    layers: Layers,
+    media: Media,
+    cos_viewing: Float[Array, "v"],
+    cos_incidence: Float[Array, "i"],
+    effort: Effort,
+    modes: int,
+    *,
+    table: GroundTable | None = None,
+    downward: bool = False,
+) -> Joined:
+    """Stack as operators.
+
+    Args:
+        layers: one stack, top first.
+        media: static.
+        cos_viewing: in air, or, if ``downward``, in the medium below.
+        cos_incidence: in air.
+        effort: its directions are `Pieces`.
+        modes: number of azimuth modes.
+        table: what the ground reflects in which direction; times the ground's reflectance. Lambertian without.
+        downward: whether light is seen from below.
+    """
+    assert isinstance(effort.directions, Pieces)
+    common = common_directions(effort.directions)
+    dtype = layers.albedo.dtype
+    below = () if media.below is None else (media.below,)
+    indices = np.array((1.0, *media.layers, *below))
+    parts = [in_medium(common, n) for n in indices]
+    mu, weights, exists = (np.stack(x) for x in zip(*parts, strict=True))
+    seen = _ways(cos_viewing, indices, indices[-1] if downward else 1.0)
+    lit = _ways(cos_incidence, indices, 1.0)
+    nodes = Ways(jnp.asarray(mu, dtype), exists)
+    inner = slice(1, 1 + len(media.layers))
+    in_layers = Diagonal(*(way.cosines[inner] for way in (nodes, seen, lit)))
+
+    albedo, thickness, moments = delta_m(layers.albedo, layers.optical_thickness, layers.moments, effort.kept)
+    thickness = thickness + _THINNEST
+    tables = [associated_legendre(c, modes, moments.shape[-1]) for c in in_layers]
+    roots = jnp.sqrt(jnp.asarray(weights[inner], dtype))
+    even, odd = scattering(moments, tables[0], tables[1], tables[2], roots)
+    each = Diagonal(*(c[:, None] for c in in_layers))
+    a, b = rates(albedo[:, None], even, odd, each)
+    n = indices[inner][:, None, None]
+    rows, columns = (jnp.asarray(1.0 / (n * jnp.sqrt(c))) for c in each[1:])
+    reflection, loss = (x.reweighted(rows, columns) for x in layer_operators(a, b, thickness[:, None], effort))
+
+    surfaces, through = _surfaces(indices, nodes, seen, lit, modes)
+    count = len(media.layers)
+    upper: Slab = jax.tree.map(lambda leaf: leaf[:count], surfaces)
+    coats = slab_of_layer(reflection, loss)
+    slab = join_all(join(upper, coats))
+    ground = None
+    if media.below is None:
+        last = [jnp.sqrt(jnp.asarray(common.flux * exists[-1], dtype)) / indices[-1]]
+        last += [jnp.full(way.cosines.shape[1], 1.0 / indices[-1], dtype) for way in (seen, lit)]
+        cosines = Diagonal(*(way.cosines[-1] for way in (nodes, seen, lit)))
+        ground = ground_operator(layers.ground, table, cosines, Diagonal(*last), modes)
+    else:
+        slab = join(slab, jax.tree.map(lambda leaf: leaf[-1], surfaces))
+
+    size = len(common.flux)
+    once = Once(
+        layers.albedo,
+        layers.optical_thickness,
+        layers.moments,
+        albedo,
+        thickness,
+        in_layers.viewing,
+        in_layers.incidence,
+        _passing(through, indices[inner], count, downward),
+    )
+    corners = [c[..., size:, size:] for c in (even, odd)]
+    flux = jnp.asarray(common.flux, dtype)
+    return Joined(slab, ground, surfaces, coats, flux, exists[0], exists[-1], once, *corners)
+
+
+def factor(joined: Joined, azimuth: Array, modes: int, *, downward: bool = False) -> Float[Array, "v i k"]:
+    """pi L_out/E_in for all pairs of directions and relative azimuths (radians), radiance in the medium of the eye.
+
+    What goes straight through, or is mirrored by a surface inside, is not in it.
+    """
+    operator = joined.slab.down if downward else joined.reflection
+    waves = azimuth_waves(azimuth, modes)
+    all_light = 0.5 * jnp.einsum("mvi,mk->vik", operator.corner, waves, precision="highest")
+    return all_light + missing_once(joined.once, joined.even, joined.odd, azimuth, waves, downward=downward)
+
+
+def flux_of_beam(joined: Joined, *, downward: bool = False) -> Float[Array, "i"]:
+    """Flux that leaves over flux of each beam; straight and mirrored light is in it."""
+    operator, leaving = _side(joined, downward)
+    return jnp.einsum("n,ni->i", jnp.sqrt(leaving), operator.columns[0]) + operator.incidence[0]
+
+
+def flux_of_even_light(joined: Joined, *, downward: bool = False) -> Float[Array, ""]:
+    """Flux that leaves over flux of equal radiance from all directions of the air."""
+    operator, leaving = _side(joined, downward)
+    entering = jnp.sqrt(joined.flux * joined.outside)
+    return 2.0 * jnp.einsum("i,ij,j->", jnp.sqrt(leaving), operator.core[0], entering, precision="highest")
+
+
+def _side(joined: Joined, downward: bool) -> tuple[Bordered, Array]:
+    if downward:
+        return joined.slab.down, joined.flux * joined.beneath
+    return joined.reflection, joined.flux * joined.outside
+
+
+def _ways(cosines: Array, indices: np.ndarray, known_in: float) -> Ways:
+    """Cosines in every medium of directions known in one."""
+    n = indices[:, None]
+    squared = (n - known_in) * (n + known_in) + (known_in * cosines) ** 2
+    exists = squared > 0
+    return Ways(jnp.sqrt(jnp.where(exists, squared, n**2)) / n, exists)
+
+
+def _surfaces(indices: np.ndarray, nodes: Ways, seen: Ways, lit: Ways, modes: int) -> tuple[Slab, list[Array]]:
+    """Surfaces between neighbouring media, (surfaces, modes, ...), and what they let through of seen and lit light."""
+    above, below, through = [], [], []
+    upper, lower = indices[:-1, None], indices[1:, None]
+    for way in (nodes, seen, lit):
+        both = way.exists[:-1] & way.exists[1:]
+        r = jnp.where(both, interface_reflectance(upper, lower, way.cosines[:-1], way.cosines[1:]), 1.0)
+        outer = np.arange(len(upper))[:, None] == 0
+        # From the side on which a direction does not exist no light comes.
+        above.append(jnp.where(outer | ~way.exists[:-1], 0.0, r))
+        below.append(jnp.where(way.exists[1:], r, 0.0))
+        through.append(1.0 - r)
+
+    def operator(entries: list[Array]) -> Bordered:
+        made = diagonal(Diagonal(*entries))
+        return jax.tree.map(lambda x: jnp.broadcast_to(x[:, None], (x.shape[0], modes, *x.shape[1:])), made)
+
+    passing = operator(through)
+    return Slab(operator(above), operator(below), passing, passing), through[1:]
+
+
+def _passing(through: list[Array], indices: np.ndarray, count: int, downward: bool) -> Float[Array, "layers v i"]:
+    """What the surfaces let through to each layer and out again, over n^2."""
+    seen, lit = through
+    into = jnp.cumprod(lit, axis=0)[:count]
+    out = jnp.cumprod(seen[::-1], axis=0)[::-1][1:] if downward else jnp.cumprod(seen, axis=0)[:count]
+    return out[:, :, None] * into[:, None, :] / indices[:, None, None] ** 2

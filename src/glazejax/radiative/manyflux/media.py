@@ -1,0 +1,160 @@
+"""Directions shared by media of different refractive index, so that smooth interfaces only pair them up.
+
+A direction keeps n sin(theta) through all smooth interfaces, and n^2 mu w, its share of the flux, with it. The range
+of n sin(theta) is cut at every index: a direction beyond a medium's index does not exist there and is totally reflected
+by its faces. In each piece the nodes are those of the medium in which its upper end grazes.
+"""
+
+import functools
+import itertools
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ..common.directions import Directions, gauss, graded_gauss
+from .directions import scattered_sums
+
+_SHARE = 0.2
+_FINE = 80
+_FINE_CROWDING = 4.0
+_FEWEST, _MOST = 6, 120
+_CROWDING = (0.5, 1.5, 2.5, 3.5)
+_AIR_SHARES = (0.3, 0.4, 0.5)
+
+
+class Media(NamedTuple):
+    """Refractive indices from the top down; static."""
+
+    layers: tuple[float, ...]
+    below: float | None
+    """Of the medium below the layers, or None for a ground."""
+
+
+class Pieces(NamedTuple):
+    """How many nodes lie between one index and the next, from zero up, and how they crowd at its end; static."""
+
+    ends: tuple[float, ...]
+    """Indices, ascending."""
+    counts: tuple[int, ...]
+    crowding: float
+    media: tuple[float, ...]
+    """Indices of media that scatter: nodes crowd at these."""
+
+
+class Common(NamedTuple):
+    """Directions by what they keep; see `in_medium`."""
+
+    flux: Float[np.ndarray, "n"]
+    """n^2 mu w."""
+    end: Float[np.ndarray, "n"]
+    """The end of the direction's piece."""
+    beyond: Float[np.ndarray, "n"]
+    """The end squared less (n sin theta)^2, exact near grazing."""
+
+
+@functools.lru_cache(maxsize=128)
+def common_directions(pieces: Pieces) -> Common:
+    """Nodes over all pieces, n sin(theta) ascending."""
+    flux, end, beyond = [], [], []
+    below = 0.0
+    for upper, count in zip(pieces.ends, pieces.counts, strict=True):
+        if upper in pieces.media:
+            y, w = graded_gauss(count, pieces.crowding)
+        else:
+            y, w = gauss(count)
+        steepest = np.sqrt((upper - below) * (upper + below)) / upper
+        mu = steepest * y
+        share = mu * w
+        # The pieces' fluxes are exact: their sum in any medium is half its index squared.
+        flux.append(share * 0.5 * (upper**2 - below**2) / share.sum())
+        end.append(np.full(count, upper))
+        beyond.append((upper * mu) ** 2)
+        below = upper
+    return Common(*(np.concatenate(parts) for parts in (flux, end, beyond)))
+
+
+def in_medium(
+    common: Common, index: float
+) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"], Bool[np.ndarray, "n"]]:
+    """Cosines, weights and whether each direction exists in a medium; where not, the cosine is one, the weight zero."""
+    exists = common.end <= index
+    squared = np.where(exists, index**2 - common.end**2 + common.beyond, index**2)
+    mu = np.sqrt(squared) / index
+    return mu, np.where(exists, common.flux / (index**2 * mu), 0.0), exists
+
+
+def interface_reflectance(upper, lower, cos_upper, cos_lower):
+    """Fresnel's reflectance for unpolarised light between two media, zero where their indices are equal.
+
+    Args:
+        upper, lower: refractive indices, (...).
+        cos_upper, cos_lower: cosines of the same direction on both sides, (...).
+    """
+    one, other = upper * cos_upper, lower * cos_lower
+    s = (one - other) / (one + other)
+    p = (lower**2 * one - upper**2 * other) / (lower**2 * one + upper**2 * other)
+    return 0.5 * (s**2 + p**2)
+
+
+@functools.lru_cache(maxsize=128)
+def fewest_pieces(
+    media: tuple[float, ...],
+    outside: tuple[float, ...],
+    sizes: tuple[float, ...],
+    tolerance: float,
+    streams: int | None,
+) -> Pieces:
+    """Fewest directions for an accuracy, or the best way to spread a number of them.
+
+    Args:
+        media: refractive indices of the layers.
+        outside: of the air, and of the medium below where light leaves there.
+        sizes: Legendre moments of the phase functions, the largest of each in absolute value.
+        tolerance: absolute error wanted.
+        streams: number of directions, if it is given.
+
+    Raises:
+        ValueError: 120 directions are not enough, or the streams given are too few for the pieces.
+    """
+    ends = tuple(sorted({*media, *outside}))
+    moments = np.array(sizes)
+    fine = Pieces(ends, (_FINE,) * len(ends), _FINE_CROWDING, media)
+    exact = [scattered_sums(_as_directions(fine, index), moments) for index in sorted(set(media))]
+    if streams is not None and streams < 2 * len(ends):
+        raise ValueError(f"streams is {streams}; media of {len(ends)} indices need at least {2 * len(ends)}")
+    for count in (streams,) if streams is not None else range(max(_FEWEST, 3 * len(ends)), _MOST + 1, 4):
+        tried = []
+        for counts in {_shared_out(ends, media, count, share) for share in _AIR_SHARES}:
+            for crowding in _CROWDING:
+                pieces = Pieces(ends, counts, crowding, media)
+                found = [scattered_sums(_as_directions(pieces, index), moments) for index in sorted(set(media))]
+                tried.append((max(float(np.max(np.abs(a - b))) for a, b in zip(found, exact, strict=True)), pieces))
+        error, pieces = min(tried)
+        if streams is not None or error <= _SHARE * tolerance:
+            return pieces
+    raise ValueError(
+        f"no directions found for a tolerance of {tolerance:g} with {len(sizes)} Legendre moments in media of indices "
+        f"{sorted(set(media))}; ask for a coarser one or give streams, such as streams=64"
+    )
+
+
+def _shared_out(ends: tuple[float, ...], media: tuple[float, ...], count: int, share: float) -> tuple[int, ...]:
+    """Nodes of each piece: a share for the first, the others by the steepest cosine at their ends."""
+    if len(ends) == 1:
+        return (count,)
+    first = min(max(2, round(share * count)), count - 2 * (len(ends) - 1))
+    steepest = [np.sqrt(1.0 - (low / high) ** 2) for low, high in itertools.pairwise(ends)]
+    rest = count - first
+    parts = [max(2, int(rest * s / sum(steepest))) for s in steepest]
+    parts[int(np.argmax(steepest))] += rest - sum(parts)
+    return (first, *parts)
+
+
+def _as_directions(pieces: Pieces, index: float) -> Directions:
+    """What one medium sees, with the reflectance of a face to air."""
+    common = common_directions(pieces)
+    mu, weights, exists = in_medium(common, index)
+    air, _, outside = in_medium(common, 1.0)
+    reflectance = np.where(outside, interface_reflectance(1.0, index, air, mu), 1.0)
+    return Directions(mu[exists], weights[exists], reflectance[exists])

@@ -1,0 +1,166 @@
+"""Many-flux Kubelka-Munk: layers with any phase function, all angles and azimuths, under a refracting surface.
+
+The light is followed in discrete directions inside the medium, one set for each Fourier mode of the azimuth. Layers
+are operators made by doubling (`manyflux_layer`) or from eigenvectors (`manyflux_modes`), joined on a ground and under
+a surface (`manyflux_stack`), or with surfaces between layers of different index too (`manyflux_joined`); the directions
+of incidence and viewing are exact, not interpolated (`manyflux_bordered`). What the kept Legendre moments cannot follow
+is treated by delta-M, and light scattered once by the whole phase function (`manyflux_single`). Free-standing layers
+are in `manyflux_free`, the light inside in `manyflux_field`.
+
+This is paper C (Shinya et al.) with its directions chosen for the surface. For isotropic scattering it is the
+same quantity as `glazejax.stack_reflectance_factor`, found another way.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..common.inputs import Numbers, check_values
+from .call import (
+    Indices,
+    Stack,
+    Wish,
+    diffuse,
+    factors,
+    fluxes,
+    prepare,
+    tables,
+)
+from .effort import Solution, smallest_cosine
+from .ground import GroundTable
+
+
+def manyflux_reflectance_factor(
+    albedo: Float[Numbers, "*batch layers"],
+    optical_thickness: Float[Numbers, "*batch layers"],
+    substrate_reflectance: Float[Numbers, "*batch"],
+    *,
+    phase: Float[Numbers, "*#batch #layers terms"] | None = None,
+    refractive_index: Indices = 1.5,
+    cos_incidence: Float[Numbers, "*batch"] = 1.0,
+    cos_viewing: Float[Numbers, "*batch"] = 1.0,
+    azimuth: Float[Numbers, "*batch"] = 0.0,
+    tolerance: float = 1e-6,
+    streams: int | None = None,
+    solution: Solution = "doubling",
+    ground: GroundTable | None = None,
+) -> Float[Array, "*batch"]:
+    """Reflectance factor pi L_out/E_in of layers with any phase function under a smooth surface.
+
+    Args:
+        albedo: single-scattering albedo of each layer, top first, (..., layers), in [0, 1].
+        optical_thickness: (k + s) times thickness, (..., layers), >= 0.
+        substrate_reflectance: of the Lambertian ground, as seen from inside the medium, (...), in [0, 1].
+        phase: Legendre moments of the phase function (`glazejax.radiative.phase`), (terms,) for all layers or
+            (..., layers, terms), where layers may be 1. By default scattering is isotropic.
+        refractive_index: of all layers, a number in [1, 2.5], or a sequence of one for each layer: light is then
+            refracted and reflected between them too.
+        cos_incidence, cos_viewing: cosines in air, (...), in (0, 1].
+        azimuth: angle in degrees between the horizontal directions in which light travels before and after, (...): 0 is
+            the side of the mirror direction, 180 back towards the light.
+        tolerance: absolute error wanted, a Python number: picks the directions, moments and modes.
+        streams: number of directions in each hemisphere, instead of those for the tolerance.
+        solution: of the layers: "doubling", or "modes" (eigenvectors): the same to some 1e-12.
+        ground: what the ground reflects over angles (`ground_table`), of which ``substrate_reflectance`` is a share;
+            Lambertian without.
+
+    Returns:
+        Reflectance factor, shape of the broadcast batch, without the surface's own reflection and the mirror images
+        in surfaces inside.
+
+    Raises:
+        ValueError: a value out of range, shapes that do not broadcast, or a refractive index that is not known.
+
+    Source: paper C (Shinya et al.), equations (11)-(20), solved as described in the module.
+    """
+    stack = Stack(albedo, optical_thickness, substrate_reflectance, phase, refractive_index, ground)
+    given = {"cos_incidence": cos_incidence, "cos_viewing": cos_viewing}
+    call = prepare(stack, Wish(tolerance, streams, solution), given, azimuth)
+    return factors(*call[:4]).reshape(call.batch)
+
+
+def manyflux_hemispherical_reflectance(
+    albedo: Float[Numbers, "*batch layers"],
+    optical_thickness: Float[Numbers, "*batch layers"],
+    substrate_reflectance: Float[Numbers, "*batch"],
+    *,
+    phase: Float[Numbers, "*#batch #layers terms"] | None = None,
+    refractive_index: Indices = 1.5,
+    cos_incidence: Float[Numbers, "*batch"] = 1.0,
+    tolerance: float = 1e-6,
+    streams: int | None = None,
+    solution: Solution = "doubling",
+    ground: GroundTable | None = None,
+) -> Float[Array, "*batch"]:
+    """Flux that leaves over flux of a collimated beam, without the surface's own reflection.
+
+    By reciprocity also the reflectance factor under even light from all sides, seen at that angle.
+
+    Args, returns and raises as for `manyflux_reflectance_factor`.
+    """
+    stack = Stack(albedo, optical_thickness, substrate_reflectance, phase, refractive_index, ground)
+    call = prepare(stack, Wish(tolerance, streams, solution), {"cos_incidence": cos_incidence})
+    return fluxes(*call[:4]).reshape(call.batch)
+
+
+def manyflux_diffuse_reflectance(
+    albedo: Float[Numbers, "*batch layers"],
+    optical_thickness: Float[Numbers, "*batch layers"],
+    substrate_reflectance: Float[Numbers, "*batch"],
+    *,
+    phase: Float[Numbers, "*#batch #layers terms"] | None = None,
+    refractive_index: Indices = 1.5,
+    tolerance: float = 1e-6,
+    streams: int | None = None,
+    solution: Solution = "doubling",
+    ground: GroundTable | None = None,
+) -> Float[Array, "*batch"]:
+    """Flux that leaves over flux of light that falls in evenly from all sides (equal radiance).
+
+    Args, returns and raises as for `manyflux_reflectance_factor`; the surface's own reflection is not included.
+    """
+    stack = Stack(albedo, optical_thickness, substrate_reflectance, phase, refractive_index, ground)
+    call = prepare(stack, Wish(tolerance, streams, solution), {})
+    return diffuse(call.layers, call.table, call.options).reshape(call.batch)
+
+
+def brdf_table(
+    albedo: Float[Numbers, "*batch layers"],
+    optical_thickness: Float[Numbers, "*batch layers"],
+    substrate_reflectance: Float[Numbers, "*batch"],
+    *,
+    phase: Float[Numbers, "*#batch #layers terms"] | None = None,
+    refractive_index: Indices = 1.5,
+    cos_incidence: Float[Numbers, "incidence"],
+    cos_viewing: Float[Numbers, "viewing"],
+    azimuth: Float[Numbers, "azimuths"] = (0.0,),
+    tolerance: float = 1e-6,
+    streams: int | None = None,
+    solution: Solution = "doubling",
+    ground: GroundTable | None = None,
+) -> Float[Array, "*batch viewing incidence azimuths"]:
+    """Table of the BRDF in 1/sr over angles of viewing, incidence and azimuth, each entry exact: one solution for all.
+
+    Args:
+        cos_incidence, cos_viewing: cosines in air, (incidence,) and (viewing,), in (0, 1].
+        azimuth: degrees, (azimuths,).
+        The others as for `manyflux_reflectance_factor`.
+
+    Returns:
+        (..., viewing, incidence, azimuths), the reflectance factor over pi.
+
+    Raises:
+        ValueError: as there, or an axis of angles that is not one-dimensional.
+    """
+    axes = {"cos_incidence": cos_incidence, "cos_viewing": cos_viewing, "azimuth": azimuth}
+    for name, values in axes.items():
+        if np.ndim(values) != 1:  # pyright: ignore[reportArgumentType]
+            raise ValueError(f"{name} must be one axis of angles, such as [1.0, 0.5], for a table; it is {values}")
+    check_values({name: axes[name] for name in ("cos_incidence", "cos_viewing")})
+    least = smallest_cosine(cos_incidence, cos_viewing)
+    stack = Stack(albedo, optical_thickness, substrate_reflectance, phase, refractive_index, ground)
+    call = prepare(stack, Wish(tolerance, streams, solution), {}, 0.0, least=least)
+    dtype = call.layers.albedo.dtype
+    seen, lit, turned = (jnp.asarray(a, dtype) for a in (cos_viewing, cos_incidence, azimuth))
+    table = tables(call.layers, (seen, lit, jnp.deg2rad(turned)), call.table, call.options)
+    return table.reshape(*call.batch, *table.shape[1:]) / np.pi

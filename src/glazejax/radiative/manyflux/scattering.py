@@ -1,0 +1,159 @@
+"""Scattering between discrete directions, one matrix for each Fourier mode of azimuth.
+
+With Lambda_l^m = sqrt((l - m)!/(l + m)!) P_l^m the m-th mode of the phase function between cosines mu and mu' is
+sum_l (2l + 1) chi_l Lambda_l^m(mu) Lambda_l^m(mu'). Turning mu' round changes the sign of the terms with l - m odd, so
+that the terms with l - m even act on the sum of up- and downward light, and the odd ones on the difference.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from .bordered import Bordered, Diagonal
+
+
+def sine(cosine: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+    """Sine of an angle with that cosine; its slope, infinite at normal incidence, is taken as zero there."""
+    squared = jnp.maximum(1.0 - cosine * cosine, 0.0)
+    return jnp.sqrt(jnp.where(squared > 0, squared, 1.0)) * (squared > 0)
+
+
+def associated_legendre(
+    cosines: Float[Array, "*batch n"], modes: int, terms: int
+) -> Float[Array, "*batch modes terms n"]:
+    """Lambda_l^m(mu) for m < modes and l < terms; zero where l < m.
+
+    Args:
+        cosines: mu, (..., n), in [0, 1].
+        modes, terms: numbers of orders m and degrees l.
+
+    Source: Dave and Armstrong, J. Quant. Spectrosc. Radiat. Transfer 10 (1970) 557: upward in l it is stable.
+    """
+    mu = jnp.asarray(cosines)[..., None, :]
+    sines = sine(mu)
+    m = np.arange(modes)
+    steps = np.sqrt((2 * m[1:] - 1) / (2 * m[1:]))
+    start = [jnp.ones_like(sines)]
+    for factor in steps:
+        start.append(start[-1] * sines * factor)
+    sectoral = jnp.concatenate(start, axis=-2)  # Lambda_m^m, (..., modes, n)
+    degree = np.arange(terms)[:, None]
+    above = degree > m
+    below = np.sqrt(np.where(above, degree**2 - m**2, 1.0))
+    first = np.where(above, (2 * degree - 1) / below, 0.0)
+    second = np.where(above, np.sqrt(np.maximum((degree - 1) ** 2 - m**2, 0)) / below, 0.0)
+
+    def climb(state: tuple[Array, Array], item: tuple[Array, Array, Array]):
+        one, two = state
+        a, b, begins = (x[:, None] for x in item)
+        here = jnp.where(begins, sectoral, a * mu * one - b * two)
+        return (here, one), here
+
+    zero = jnp.zeros_like(sectoral)
+    items = (jnp.asarray(first, mu.dtype), jnp.asarray(second, mu.dtype), jnp.asarray(degree == m))
+    _, found = jax.lax.scan(climb, (zero, zero), items)
+    return jnp.moveaxis(found, 0, -2)
+
+
+def azimuth_waves(azimuth: Float[Array, "k"], modes: int) -> Float[Array, "modes k"]:
+    """What the modes of radiance are summed with: cos(m azimuth), twice that from m = 1 on.
+
+    Args:
+        azimuth: radians, (k,).
+        modes: number of orders m.
+    """
+    m = np.arange(modes)[:, None]
+    return jnp.cos(m * azimuth) * np.where(m == 0, 1.0, 2.0)
+
+
+def scattering(
+    moments: Float[Array, "*batch terms"],
+    nodes: Float[Array, "*batch modes terms n"],
+    viewing: Float[Array, "*batch modes terms v"],
+    incidence: Float[Array, "*batch modes terms i"],
+    roots: Float[Array, "*batch n"],
+) -> tuple[Float[Array, "*batch modes n+v n+i"], Float[Array, "*batch modes n+v n+i"]]:
+    """Halved sum and difference of forward and backward scattering, C_even = (C+ + C-)/2 and C_odd = (C+ - C-)/2.
+
+    Args:
+        moments: chi_l, (..., terms).
+        nodes, viewing, incidence: Lambda_l^m at the nodes and the added directions; batch axes broadcast.
+        roots: sqrt(w) of the nodes, (..., n); added directions count as of weight one.
+
+    Returns:
+        Bodies of bordered matrices, (..., modes, n + v, n + i), symmetric in form.
+
+    Notes:
+        Nodes integrate products of Legendre functions with a small error, by which scattering would lose or gain light.
+        The even part of mode 0 is corrected (by a symmetric matrix of rank two) so that it returns exactly what
+        comes in.
+    """
+    modes, terms, count = nodes.shape[-3:]
+    even = (np.arange(terms) - np.arange(modes)[:, None]) % 2 == 0
+    weighed = nodes * roots[..., None, None, :]
+    across = _joined(weighed, incidence)
+    down = _joined(weighed, viewing)
+    factors = ((2.0 * np.arange(terms) + 1.0) * moments)[..., None, :, None]
+
+    def part(wanted: np.ndarray) -> Array:
+        return jnp.matmul(
+            jnp.swapaxes(down * factors * wanted[..., None], -1, -2), across * wanted[..., None], precision="highest"
+        )
+
+    c_even, c_odd = part(even), part(~even)
+    zeroth = c_even[..., 0, :, :]
+    rows_root = _joined(roots, jnp.ones(down.shape[-1] - count, roots.dtype))
+    columns_root = _joined(roots, jnp.ones(across.shape[-1] - count, roots.dtype))
+    # Over the sum of weights, which is one only to the accuracy of the rule where several media share it.
+    share = roots / jnp.sum(roots * roots, axis=-1, keepdims=True)
+    rows_missing = rows_root - jnp.einsum("...ij,...j->...i", zeroth[..., :, :count], roots)
+    columns_missing = columns_root - jnp.einsum("...i,...ij->...j", roots, zeroth[..., :count, :])
+    scale = jnp.sum(roots * roots, axis=-1)[..., None]
+    whole = jnp.einsum("...j,...j->...", columns_missing[..., :count], share)[..., None, None]
+    change = rows_missing[..., :, None] * columns_root[..., None, :]
+    change += rows_root[..., :, None] * columns_missing[..., None, :]
+    change = (change - whole * rows_root[..., :, None] * columns_root[..., None, :]) / scale[..., None]
+    # Light scattered once between two added directions meets no quadrature and stays exact.
+    change = change * _not_corner(rows_root.shape[-1], columns_root.shape[-1], count)
+    return c_even.at[..., 0, :, :].add(change), c_odd
+
+
+def rates(
+    albedo: Float[Array, "*batch"],
+    even: Float[Array, "*batch n+v n+i"],
+    odd: Float[Array, "*batch n+v n+i"],
+    cosines: Diagonal,
+) -> tuple[Bordered, Bordered]:
+    """Operators A, B of u' = -A v, v' = -B u for u, v the sum and difference of down- and upward sqrt(mu w) I.
+
+    A = M^-1/2 (1 - q C_odd) M^-1/2 and B the same with C_even.
+
+    Args:
+        albedo: q, (...).
+        even, odd: from `scattering`.
+        cosines: of nodes (..., n), directions of viewing (..., v) and of incidence (..., i).
+    """
+    mu, viewing, incidence = cosines
+    rows, columns = (_joined(mu, other) ** -0.5 for other in (viewing, incidence))
+    scale = albedo[..., None, None] * rows[..., :, None] * columns[..., None, :]
+    batch = jnp.broadcast_shapes(scale.shape[:-2], even.shape[:-2])
+    along = jnp.broadcast_to(1.0 / viewing, (*batch, viewing.shape[-1]))
+    into = jnp.broadcast_to(1.0 / incidence, (*batch, incidence.shape[-1]))
+    i = np.arange(mu.shape[-1])
+
+    def operator(c: Array) -> Bordered:
+        body = jnp.broadcast_to(-scale * c, (*batch, *c.shape[-2:]))
+        return Bordered(body.at[..., i, i].add(1.0 / mu), along, into)
+
+    return operator(odd), operator(even)
+
+
+def _joined(nodes: Array, added: Array) -> Array:
+    """Nodes, then added directions, on the last axis; all other axes broadcast."""
+    batch = jnp.broadcast_shapes(nodes.shape[:-1], added.shape[:-1])
+    return jnp.concatenate([jnp.broadcast_to(a, (*batch, a.shape[-1])) for a in (nodes, added)], axis=-1)
+
+
+def _not_corner(rows: int, columns: int, count: int) -> np.ndarray:
+    return 1.0 - np.outer(np.arange(rows) >= count, np.arange(columns) >= count)

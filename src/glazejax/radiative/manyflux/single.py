@@ -1,0 +1,73 @@
+"""Light scattered once: by the whole phase function, less what the moments and modes kept make of it.
+
+Source: Nakajima and Tanaka, J. Quant. Spectrosc. Radiat. Transfer 40 (1988) 51, their TMS.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..common.kernels import decay_integral, two_decays
+from ..common.phase import evaluate
+from .scattering import sine
+
+
+class Once(NamedTuple):
+    """A stack and the ways of light in it, top layer first."""
+
+    albedo: Float[Array, "layers"]
+    thickness: Float[Array, "layers"]
+    moments: Float[Array, "layers terms"]
+    scaled_albedo: Float[Array, "layers"]
+    """After delta-M."""
+    scaled_thickness: Float[Array, "layers"]
+    cos_seen: Float[Array, "layers v"]
+    cos_lit: Float[Array, "layers i"]
+    passing: Float[Array, "layers v i"]
+    """Share that the surfaces let through on the way to each layer and from it, over n^2 of the layer."""
+
+
+def missing_once(
+    once: Once,
+    even: Float[Array, "layers modes v i"],
+    odd: Float[Array, "layers modes v i"],
+    azimuth: Float[Array, "k"],
+    waves: Float[Array, "modes k"],
+    *,
+    downward: bool = False,
+) -> Float[Array, "v i k"]:
+    """What to add to the factor pi L_out/E_in of light that leaves upwards, or downwards, to have it whole.
+
+    Args:
+        once: stack and ways.
+        even, odd: scattering between the directions as kept, from `manyflux_phase.scattering`.
+        azimuth: radians.
+        waves: from `manyflux_phase.azimuth_waves`.
+        downward: whether the light leaves below.
+    """
+    kept = (even + odd if downward else even - odd) * once.scaled_albedo[:, None, None, None]
+    taken = jnp.einsum("lmvi,mk->lvik", kept, waves, precision="highest")
+    seen, lit = once.cos_seen[:, :, None], once.cos_lit[:, None, :]
+    along = seen * lit if downward else -seen * lit
+    turn = (sine(seen) * sine(lit))[..., None] * jnp.cos(azimuth) + along[..., None]
+    whole = evaluate(once.moments[:, None, None, None, :], turn)
+    # Albedo per scaled depth with the peak still in it.
+    there = once.thickness > 0
+    share = jnp.where(there, once.thickness, 1.0) / jnp.where(there, once.scaled_thickness, 1.0)
+    difference = (once.albedo * share)[:, None, None, None] * whole - taken
+    lights = once.passing * _lengths(once, seen, lit, downward) / (4.0 * seen * lit)
+    return jnp.sum(lights[..., None] * difference, axis=0)
+
+
+def _lengths(once: Once, seen: Array, lit: Array, downward: bool) -> Array:
+    """Integral over the depth of each layer of what reaches it and from there the outside, (layers, v, i)."""
+    depth = once.scaled_thickness[:, None, None]
+    into, out = depth / lit, depth / seen
+    before = jnp.cumsum(into, axis=0) - into
+    if not downward:
+        before += jnp.cumsum(out, axis=0) - out
+        return jnp.exp(-before) * decay_integral(1.0 / seen + 1.0 / lit, depth)
+    after = jnp.sum(out, axis=0) - jnp.cumsum(out, axis=0)
+    faded = [jnp.expm1(-x) for x in (into, out)]
+    return jnp.exp(-before - after) * two_decays(1.0 / lit, 1.0 / seen, depth, *faded)

@@ -1,0 +1,159 @@
+"""One stack of layers solved for given directions: from numbers to operators to what an instrument reads.
+
+Everything here is for one stack and is mapped over batches by `manyflux`.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..common.directions import half_range
+from ..common.fresnel import cos_refracted, dielectric_reflectance
+from ..common.phase import delta_m
+from .bordered import Bordered, Diagonal
+from .directions import Spread, spread_directions
+from .doubling import layer_by_doubling
+from .effort import Effort
+from .eigenmodes import layer_by_modes
+from .media import Pieces
+from .scattering import (
+    associated_legendre,
+    azimuth_waves,
+    rates,
+    scattering,
+)
+from .single import Once, missing_once
+from .star_product import lambert, stack_reflection, under_surface
+
+
+class Layers(NamedTuple):
+    """One stack, top first."""
+
+    albedo: Float[Array, "layers"]
+    optical_thickness: Float[Array, "layers"]
+    moments: Float[Array, "layers terms"]
+    ground: Float[Array, ""]
+
+
+class Scene(NamedTuple):
+    """Directions and scattering of a stack, delta-M scaled."""
+
+    cosines: Diagonal
+    roots: Diagonal  # sqrt(mu w); added directions as if of weight one
+    surface: Diagonal  # Fresnel reflectance
+    albedo: Array  # (layers,)
+    thickness: Array  # (layers,)
+    even: Array  # (layers, modes, n + v, n + i)
+    odd: Array
+
+
+def scene_of(
+    layers: Layers, index, cos_viewing: Array, cos_incidence: Array, effort: Effort, modes: int, *, inside: bool = False
+) -> Scene:
+    """Directions and scattering; cosines are outside, those of viewing inside the paint if ``inside``."""
+    dtype = layers.albedo.dtype
+    rule = effort.directions
+    assert not isinstance(rule, Pieces), "media of several indices are joined elsewhere"
+    found = spread_directions(index, rule) if isinstance(rule, Spread) else half_range(index, rule)
+    mu, weights, reflectance = (jnp.asarray(a, dtype) for a in found)
+    viewing = cos_viewing if inside else cos_refracted(cos_viewing, index)
+    incidence = cos_refracted(cos_incidence, index)
+    back = _reflected_back(viewing, index) if inside else dielectric_reflectance(cos_viewing, index)
+    albedo, thickness, moments = delta_m(layers.albedo, layers.optical_thickness, layers.moments, effort.kept)
+    terms = moments.shape[-1]
+    tables = [associated_legendre(c, modes, terms) for c in (mu, viewing, incidence)]
+    even, odd = scattering(moments, tables[0], tables[1], tables[2], jnp.sqrt(weights))
+    entering = dielectric_reflectance(cos_incidence, index)
+    return Scene(
+        Diagonal(mu, viewing, incidence),
+        Diagonal(jnp.sqrt(mu * weights), jnp.sqrt(viewing), jnp.sqrt(incidence)),
+        Diagonal(reflectance, back, entering),
+        albedo,
+        thickness,
+        even,
+        odd,
+    )
+
+
+def _outside(scene: Scene, ground: Array, effort: Effort, modes: int) -> Bordered:
+    """Reflection as seen from outside, (modes, ...)."""
+    a, b = rates(scene.albedo[:, None], scene.even, scene.odd, scene.cosines)
+    reflection, loss = layer_operators(a, b, scene.thickness[:, None], effort)
+    below = lambert(ground, scene.roots, modes, scene.albedo.dtype)
+    return under_surface(stack_reflection(reflection, loss, below), scene.surface)
+
+
+def _reflected_back(cosines: Array, index) -> Array:
+    """Fresnel's reflectance of the surface for light from inside, total beyond the critical angle."""
+    squared = 1.0 - index**2 * (1.0 - cosines**2)
+    outside = jnp.sqrt(jnp.select([squared > 0], [squared], 1.0))
+    return jnp.select([squared > 0], [dielectric_reflectance(outside, index)], 1.0)
+
+
+def layer_operators(a: Bordered, b: Bordered, thickness: Array, effort: Effort) -> tuple[Bordered, Bordered]:
+    """R and U = 1 - T of layers, by the solution chosen."""
+    if effort.doublings is None:
+        return layer_by_modes(a, b, thickness)
+    return layer_by_doubling(a, b, thickness, effort.doublings)
+
+
+def reflectance_factor(
+    layers: Layers,
+    index: float | Float[Array, ""],
+    cos_viewing: Float[Array, "v"],
+    cos_incidence: Float[Array, "i"],
+    azimuth: Float[Array, "k"],
+    effort: Effort,
+) -> Float[Array, "v i k"]:
+    """pi L_out/E_in for all pairs of directions and relative azimuths (radians).
+
+    The light scattered once is that of the whole phase function and all modes; the operators add what is scattered more
+    often (Nakajima and Tanaka, J. Quant. Spectrosc. Radiat. Transfer 40 (1988) 51, their TMS).
+    """
+    modes = effort.modes
+    scene = scene_of(layers, index, cos_viewing, cos_incidence, effort, modes)
+    outside = _outside(scene, layers.ground, effort, modes)
+    waves = azimuth_waves(azimuth, modes)
+    all_light = jnp.einsum("mvi,mk->vik", outside.corner, waves, precision="highest")
+    viewing, incidence = scene.roots.viewing[:, None], scene.roots.incidence
+    factor = all_light / (2.0 * index**2 * viewing * incidence)[..., None]
+    if modes == 1 and layers.moments.shape[-1] == 1:
+        return factor
+    return factor + _missing(scene, layers, index, azimuth, waves)
+
+
+def _missing(scene: Scene, layers: Layers, index, azimuth: Array, waves: Array) -> Array:
+    viewing, incidence, count = scene.cosines.viewing, scene.cosines.incidence, scene.cosines.nodes.size
+    shape = (layers.albedo.size, viewing.size, incidence.size)
+    through = (1.0 - scene.surface.viewing[:, None]) * (1.0 - scene.surface.incidence) / index**2
+    once = Once(
+        layers.albedo,
+        layers.optical_thickness,
+        layers.moments,
+        scene.albedo,
+        scene.thickness,
+        jnp.broadcast_to(viewing, shape[:2]),
+        jnp.broadcast_to(incidence, (shape[0], shape[2])),
+        jnp.broadcast_to(through, shape),
+    )
+    even, odd = (c[..., count:, count:] for c in (scene.even, scene.odd))
+    return missing_once(once, even, odd, azimuth, waves)
+
+
+def hemispherical_reflectance(
+    layers: Layers, index: float | Float[Array, ""], cos_incidence: Float[Array, "i"], effort: Effort
+) -> Float[Array, "i"]:
+    """Flux that leaves over flux of a collimated beam, for each direction of incidence."""
+    scene = scene_of(layers, index, cos_incidence[:0], cos_incidence, effort, 1)
+    outside = _outside(scene, layers.ground, effort, 1)
+    return jnp.einsum("n,ni->i", scene.roots.nodes, outside.columns[0]) / scene.roots.incidence
+
+
+def diffuse_reflectance(layers: Layers, index: float | Float[Array, ""], effort: Effort) -> Float[Array, ""]:
+    """Flux that leaves over flux of light of equal radiance from all directions outside."""
+    nothing = layers.albedo[:0]
+    scene = scene_of(layers, index, nothing, nothing, effort, 1)
+    outside = _outside(scene, layers.ground, effort, 1)
+    # Only the cone of refraction is lit: its flux is 1/n^2 of that of all directions inside.
+    return 2.0 * index**2 * jnp.einsum("i,ij,j->", scene.roots.nodes, outside.core[0], scene.roots.nodes)

@@ -1,0 +1,1 @@
+"""The default solver: discrete ordinates in even-parity form."""

@@ -1,0 +1,159 @@
+r"""One homogeneous layer as a symmetric two-port: what it passes on and what a beam excites in it.
+
+In modes (see `modes`) a layer obeys y'' = lambda y - q zeta e^(-a t). With sigma given at its near face (y0) and
+delta at its far face (f), and with T = tanh(kappa D)/kappa, S = sech(kappa D),
+
+    delta at the near face   lambda T y0 + S f - b_near,       b_near =  q zeta int u(t) e^(-a t) dt,
+    sigma at the far face    S y0 - T f - b_far,               b_far  = -q zeta int v(t) e^(-a t) dt,
+
+u being the mode with u = 1 at the near face and u' = 0 at the far one, v that with v = 0 and v' = 1. Every entry stays
+bounded for an empty layer, an opaque one and an albedo of one. The near face is the top, or, in a layer that is
+looked at from below ("mirrored"), the bottom; the beam runs downwards in both.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool
+
+from ..common.kernels import tanh_sech, two_decays
+from ..common.linalg import product
+from .modes import Modes
+
+# Modes slower than this take the form that is even in kappa; no beam (decay >= 1) resonates with them.
+_SLOW = 0.25
+
+
+class Beams(NamedTuple):
+    """Collimated directions inside the medium: incidence first, then, unless all exit directions count, viewing."""
+
+    decay: Array  # (beams, batch), 1/mu inside
+    transmittance: Array  # (beams, batch), 1 - R of the interface
+    survival: Array  # (beams, layers, batch), exp(-tau/mu) at each layer's top
+    at_ground: Array  # (beams, batch), exp(-tau/mu) at the ground
+
+
+class Ports(NamedTuple):
+    """Two-ports of a set of layers, and what the beams excite in them."""
+
+    restoring: Array  # (layers, batch, n), lambda T
+    tanh: Array  # (layers, batch, n), T
+    sech: Array  # (layers, batch, n), S
+    near: Array  # (layers, batch, beams, n), b_near
+    far: Array  # (layers, batch, beams, n), b_far
+    once: Array  # (layers, batch), light scattered once between incidence and viewing; 0 without viewing
+    direct: Array  # (layers, batch), the same with what never leaves the layer's two-port, `once` included
+
+
+def two_ports(
+    albedo: Array,
+    decay_squared: Array,
+    coupling: Array,
+    thickness: Array,
+    beams: Beams,
+    mirrored: Bool[np.ndarray, "l"],
+) -> Ports:
+    """Two-ports of layers.
+
+    Args:
+        albedo: q, (layers, batch).
+        decay_squared: lambda, (layers, batch, n).
+        coupling: zeta, (layers, batch, n).
+        thickness: D, (layers, batch).
+        beams: directions of the light and, if there is one, of the view.
+        mirrored: (layers,), whether the near face is the bottom.
+    """
+    lam, depth, flip = decay_squared, thickness[..., None], mirrored[:, None, None]
+    tanh, sech = tanh_sech(lam, depth)
+    slow = lam < _SLOW
+    kappa = jnp.sqrt(jnp.where(slow, 1.0, lam))
+    a = beams.decay[:, None, :, None]
+    faded, gone = jnp.expm1(-kappa * depth), jnp.expm1(-beams.decay[:, None] * thickness)[..., None]
+    fade, left = 1.0 + faded, 1.0 + gone
+    # int e^(-(kappa + a) t) and int e^(-kappa (D - t)) e^(-a t), regular at kappa = a.
+    together = -(faded + gone + faded * gone) / (kappa + a)
+    apart = two_decays(kappa, a, depth, faded, gone)
+    along, against = jnp.where(flip, apart, together), jnp.where(flip, together, apart)
+    norm = 1.0 / (1.0 + fade * fade)
+    gap = 1.0 / jnp.where(slow, a * a - lam, 1.0)
+    slow_near = gap * jnp.where(flip, a * sech - left * (a + lam * tanh), a * (1.0 - left * sech) - lam * tanh)
+    slow_far = gap * jnp.where(flip, a * tanh - 1.0 + left * sech, sech - left * (1.0 + a * tanh))
+    near = jnp.where(slow, slow_near, (along + fade * against) * norm)
+    far = jnp.where(slow, slow_far, (against - fade * along) * norm / kappa)
+    strength = (albedo * beams.survival)[..., None] * coupling
+    once = direct = jnp.zeros_like(thickness)
+    if beams.decay.shape[0] == 2:
+        b = a[1]
+        a = a[0]
+        single = -(gone[0] + gone[1] + gone[0] * gone[1]) / (a + b)
+        # The mode's answer to one beam, held at the two-port's conditions, seen along the other.
+        slow_again = jnp.where(flip, left[0] * near[1] + a * far[1], near[1] - a * left[0] * far[1]) - single
+        lesser = jnp.where(kappa < a, -(faded + gone[1] + faded * gone[1]) / (kappa + b), single)
+        area = (lesser - left[1] * apart[0]) / (jnp.maximum(kappa, a) + b)
+        held = jnp.where(flip, far[1] - apart[0] * near[1], -(left[0] - kappa * apart[0]) * far[1])
+        again = jnp.where(slow, slow_again * gap[0], (area + held) / (a + kappa))
+        both = albedo * beams.survival[0] * beams.survival[1]
+        once = both * single[..., 0]
+        direct = once + both * albedo * jnp.sum(coupling**2 * again, axis=-1)
+    b_near, b_far = jnp.moveaxis(strength * near, 0, 2), jnp.moveaxis(-strength * far, 0, 2)
+    return Ports(lam * tanh, tanh, sech, b_near, b_far, once, direct)
+
+
+class Fields(NamedTuple):
+    """Solution inside the layers for the light and for the view, in modes. Axes (layers, batch, 2, n)."""
+
+    near: Array  # y0, sigma at the near face
+    far: Array  # sigma at the far face
+    flux: Array  # f, delta at the far face
+
+
+def load_work(ports: Ports, fields: Fields) -> Array:
+    """b . x of every layer, of each beam with the field of the other, (layers, batch, beams)."""
+    other = slice(None, None, -1) if ports.near.shape[2] == 2 else slice(1, 2)
+    return jnp.sum(ports.near * fields.near[:, :, other] + ports.far * fields.flux[:, :, other], axis=-1)
+
+
+def stored(ports: Ports, fields: Fields) -> Array:
+    """x_F . K x_I of every layer, its far face's continuity included, (layers, batch)."""
+    (y0, y1), (u0, u1), (f0, f1) = (jnp.moveaxis(field, 2, 0) for field in fields)
+    inside = ports.restoring * y0 * y1 - ports.tanh * f0 * f1 + ports.sech * (y0 * f1 + y1 * f0)
+    return jnp.sum(inside - f0 * u1 - f1 * u0, axis=-1)
+
+
+def by_albedo(
+    albedo: Array,
+    modes: Modes,
+    turning: Array,
+    thickness: Array,
+    beams: Beams,
+    mirrored: Bool[np.ndarray, "l"],
+    fields: Fields,
+) -> Array:
+    """Derivative of b_F.x_I + x_F.b_I - x_F.K x_I + G by each layer's albedo at given fields, (layers, batch)."""
+
+    def work(q, lam, coupling, near, far):
+        ports = two_ports(q, lam, coupling, thickness, beams, mirrored)
+        here = Fields(near, far, fields.flux)
+        return jnp.sum(load_work(ports, here), axis=-1) - stored(ports, here) + ports.direct
+
+    rows = product(jnp.concatenate([modes.coupling[:, :, None], fields.near, fields.far], axis=2), turning)
+    point = (albedo, modes.decay_squared, modes.coupling, fields.near, fields.far)
+    change = (jnp.ones_like(albedo), -(modes.coupling**2), rows[:, :, 0], rows[:, :, 1:3], rows[:, :, 3:])
+    return jax.jvp(work, point, change)[1]
+
+
+def by_thickness(
+    albedo: Array, modes: Modes, beams: Beams, mirrored: Bool[np.ndarray, "l"], thickness: Array, fields: Fields
+) -> Array:
+    """What a thin slab of the layer's own medium adds at its far face, per thickness, (layers, batch).
+
+    The dimming of what lies below the slab is not in it.
+    """
+    below = beams.survival * jnp.where(mirrored[:, None], 1.0, jnp.exp(-beams.decay[:, None] * thickness))
+    (u0, u1), (f0, f1) = (jnp.moveaxis(field, 2, 0) for field in (fields.far, fields.flux))
+    first = jnp.sum(modes.coupling * u0, axis=-1)
+    second = jnp.sum(modes.coupling * u1, axis=-1)
+    lit = below[0] * second + (below[1] * first + below[0] * below[1] if below.shape[0] == 2 else 0.0)
+    return albedo * lit - jnp.sum(modes.decay_squared * u0 * u1 - f0 * f1, axis=-1)

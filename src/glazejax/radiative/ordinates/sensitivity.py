@@ -1,0 +1,125 @@
+"""Derivatives of the ordinates' reflectance, and its split, from the fields of light and view.
+
+R = C [G + b_F.x_I + x_F.b_I - x_F.K x_I] is stationary in both fields, so only its ingredients are differentiated, at
+fixed fields. By albedo, thickness and ground that is done in closed form, mode by mode; by the index and the
+cosines, which are rarely wanted, JAX does it.
+"""
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..common.directions import Resolution
+from ..common.kernels import decay_integral
+from ..common.linalg import product, transposed
+from ..common.split import Split
+from ..common.stack_arrays import Stack
+from .layers import Fields, by_albedo, by_thickness, load_work, stored
+from .modes import turning
+from .solver import Solution, System, assemble, order, solve
+
+
+def reflectance_and_gradient(
+    stack: Stack, resolution: Resolution, wanted: tuple[str, ...]
+) -> tuple[Array, dict[str, Array]]:
+    """Reflectance and its derivative by the wanted leaves of each stack.
+
+    Args:
+        stack: batch of stacks.
+        resolution: directions, static.
+        wanted: names of the leaves to differentiate by, static. What is not asked for is not computed.
+
+    Returns:
+        (batch,) and, by name, d reflectance / d leaf in the shape of the leaf.
+    """
+    system = assemble(stack, resolution)
+    value, solution = solve(system, with_fields=True)
+    assert solution is not None
+    _, mirrored, back = order(system.thickness.shape[0])
+    gradient = {}
+    if "albedo" in wanted:
+        turn = turning(system.modes)
+        slope = by_albedo(system.albedo, system.modes, turn, system.thickness, system.beams, mirrored, solution.fields)
+        gradient["albedo"] = (system.factor * slope)[back].T
+    if "optical_thickness" in wanted:
+        gradient["optical_thickness"] = (system.factor * _by_thickness(system, solution)).T
+    if "ground" in wanted:
+        by_factor = jnp.prod(_diffuse_on_ground(system, solution) + system.ends.ground_light, axis=-1)
+        gradient["ground"] = system.factor * by_factor * 4.0 / (1.0 + stack.ground) ** 2
+    for name in [name for name in wanted if name not in gradient]:
+
+        def stationary(leaf: Array, name: str = name) -> Array:
+            return _stationary(assemble(stack._replace(**{name: leaf}), resolution), solution, system.modes.vectors)
+
+        # One number a stack: a single forward derivative, a smaller program than a reverse one.
+        leaf = getattr(stack, name)
+        gradient[name] = jax.jvp(stationary, (leaf,), (jnp.ones_like(leaf),))[1]
+    return value, gradient
+
+
+def _diffuse_on_ground(system: System, solution: Solution) -> Array:
+    """sqrt(w) . sigma at the ground, to which its diffuse load is proportional, (batch, 2)."""
+    return jnp.sum(system.ends.ground_vector[..., None, :] * solution.at_ground, axis=-1)
+
+
+def _by_thickness(system: System, solution: Solution) -> Array:
+    """By each layer's thickness, top layer first, (layers, batch), but for the factor C."""
+    _, mirrored, back = order(system.thickness.shape[0])
+    slab = by_thickness(system.albedo, system.modes, system.beams, mirrored, system.thickness, solution.fields)
+    # A slab at a layer's far face dims the beams for all that lies below it.
+    decay = system.beams.decay.T
+    works = jnp.sum(load_work(system.ports, solution.fields) * decay, axis=-1)
+    works += jnp.sum(decay, axis=-1) * system.ports.direct
+    seen = _diffuse_on_ground(system, solution)
+    light = system.ends.ground_light[:, : decay.shape[1]]
+    other = seen[:, ::-1] if decay.shape[1] == 2 else seen[:, 1:]
+    ground = jnp.sum(decay * light * other, axis=-1)
+    ground += jnp.sum(decay, axis=-1) * jnp.prod(system.ends.ground_light, axis=-1)
+    works = jnp.concatenate([works[back], (system.ends.ground_factor * ground)[None]])
+    from_here_down = jnp.cumsum(works[::-1], axis=0)[::-1]
+    upside_down = mirrored[back][:, None]
+    return slab[back] - jnp.where(upside_down, from_here_down[:-1], from_here_down[1:])
+
+
+def _stationary(system: System, solution: Solution, vectors: Array) -> Array:
+    """R of a system at the fields of another, whose modes' vectors are given, (batch,).
+
+    Sigma is held in directions, delta at the layers' far faces in modes.
+    """
+    near, far = (
+        product(product(modes, transposed(vectors)), system.modes.vectors)
+        for modes in (solution.fields.near, solution.fields.far)
+    )
+    fields = Fields(near, far, solution.fields.flux)
+    inside = jnp.sum(load_work(system.ports, fields), axis=-1) - stored(system.ports, fields) + system.ports.direct
+    ends = system.ends
+    top, bottom = (jnp.moveaxis(sigma, 1, 0) for sigma in (solution.at_interface, solution.at_ground))
+    total = jnp.sum(inside, axis=0) + jnp.sum(ends.interface_load * solution.at_interface[:, ::-1], axis=(1, 2))
+    total -= jnp.sum(ends.interface * top[0] * top[1] + ends.ground_diagonal * bottom[0] * bottom[1], axis=-1)
+    seen = _diffuse_on_ground(system, solution) + ends.ground_light
+    return system.factor * (total + ends.ground_factor * jnp.prod(seen, axis=-1))
+
+
+def split(stack: Stack, resolution: Resolution) -> Split:
+    """Reflectance by the last event before the light leaves; see `Split`. Each (batch,)."""
+    system = assemble(stack, resolution)
+    value, solution = solve(system, with_fields=True)
+    assert solution is not None
+    ends, beams = system.ends, system.beams
+    lit = _diffuse_on_ground(system, solution)[:, 0] + ends.ground_light[:, 0]
+    if stack.cos_viewing is not None:
+        single = system.factor * jnp.sum(system.ports.once, axis=0)
+        ground = system.factor * ends.ground_factor * lit * ends.ground_light[:, 1]
+        return Split(ground, single, value - ground - single)
+    # Every exit direction: the radiances at the surface, weighted with what passes it.
+    mu, weights, r = (jnp.asarray(a, value.dtype) for a in system.directions)
+    top_down = order(system.thickness.shape[0]).back
+    thickness = system.thickness[top_down]
+    depth = jnp.concatenate([jnp.zeros_like(thickness[:1]), jnp.cumsum(thickness, axis=0)])[..., None]
+    passing = weights * mu * (1.0 - r)
+    up = 0.5 * ends.ground_factor * lit
+    ground = system.factor * up * jnp.sum(passing * jnp.exp(-depth[-1] / mu), axis=-1)
+    seen = jnp.exp(-depth[:-1] / mu) / mu * decay_integral(beams.decay[0][:, None] + 1.0 / mu, thickness[..., None])
+    source = 0.5 * system.albedo[top_down] * beams.survival[0][top_down]
+    single = system.factor * jnp.sum(source[..., None] * seen * passing, axis=(0, -1))
+    return Split(ground, single, value - ground - single)

@@ -1,0 +1,307 @@
+r"""Default solver: discrete ordinates in even-parity form for isotropically scattering layers.
+
+    air          beam in \   / radiance out
+    ------------------------------------------  smooth interface, Fresnel R(mu)
+    layer 1      albedo q_1, optical thickness D_1
+    layer 2      q_2, D_2                              tau down
+    ///////////  Lambertian ground rho
+
+With half-range cosines mu_i, weights w_i and radiances L+ (down), L- (up) put
+
+    sigma = sqrt(w) mu (L+ + L-),      delta = sqrt(w) (L+ - L-) = -sigma'.
+
+Each layer is a symmetric two-port between its faces (see `layers`). Joined, they are one symmetric system K x = b. Beam
+and view load it in the same way, so with b_I of the incidence and b_F of the viewing direction the reflectance is the
+stationary value of
+
+    R = C [ G + b_F.x_I + x_F.b_I - x_F.K x_I ],      K x_I = b_I,  K x_F = b_F,
+
+G being the paths that never meet K (single scattering in a layer, ground seen directly). Reciprocity is then
+symmetry, and a derivative needs no derivative of x (see `sensitivity`).
+
+K is eliminated from both ends at once, interface and ground, towards the middle: the two halves share each operation.
+A half, once eliminated, is the relation delta = Z sigma - s at its inner face (pointing outwards) and its part g of R.
+
+The physics is paper A (Shinozawa et al. 2013), eqs (4)-(22), with its integrals over mu done by quadrature.
+"""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array
+
+from ..common.directions import Directions, Resolution, half_range
+from ..common.fresnel import cos_refracted, dielectric_reflectance
+from ..common.linalg import inverse_positive, product, transposed
+from ..common.stack_arrays import Stack
+from .layers import Beams, Fields, Ports, two_ports
+from .modes import Modes, layer_modes
+
+# More pairs of layers than this are eliminated in a loop, which runs a little slower but compiles once.
+_UNROLLED = 1
+
+
+class Ends(NamedTuple):
+    """The two ends of the stack. Loads have a last but one axis: light, view."""
+
+    interface: Array  # (n,) or (batch, n): (1 - R)/((1 + R) mu), so that delta = -interface sigma
+    interface_load: Array  # (batch, 2, n)
+    ground_diagonal: Array  # (n,) or (batch, n): 1/mu
+    ground_vector: Array  # (n,) or (batch, n): sqrt(w)
+    ground_factor: Array  # (batch,): c = 4 rho/(1 + rho); delta = (1/mu - c sqrt(w) sqrt(w)^T) sigma - load
+    ground_light: Array  # (batch, 2): beam on the ground, exp(-tau/mu) mu; the load is c sqrt(w) times it
+
+
+class System(NamedTuple):
+    """The ingredients of R = C [G + b_F.x_I + x_F.b_I - x_F.K x_I]. Layers in the order of `order`."""
+
+    albedo: Array  # (layers, batch)
+    thickness: Array  # (layers, batch)
+    modes: Modes  # (layers, batch, ...)
+    beams: Beams
+    ports: Ports
+    ends: Ends
+    factor: Array  # (batch,), C
+    directions: Directions
+
+
+class Order(NamedTuple):
+    """From both ends inwards: bottom, top, last but one, second, ...; the middle one of an odd number last."""
+
+    layers: np.ndarray  # (layers,), index of each layer in the stack
+    mirrored: np.ndarray  # (layers,), whether its near face, the one towards the middle, is its bottom
+    back: np.ndarray  # (layers,), where in this order each layer of the stack is, top first
+
+
+def order(count: int) -> Order:
+    """Order in which a number of layers is eliminated."""
+    pairs = [index for step in range(count // 2) for index in (count - 1 - step, step)]
+    middle = [count // 2] if count % 2 else []
+    layers = np.array(pairs + middle)
+    return Order(layers, np.array([False, True] * (count // 2) + [False] * (count % 2)), np.argsort(layers))
+
+
+@jax.named_scope("assemble")
+def assemble(stack: Stack, resolution: Resolution | Directions) -> System:
+    """The discretised problem of each stack; directions that are given may be traced."""
+    n = stack.refractive_index
+    directions = resolution if isinstance(resolution, Directions) else half_range(n, resolution)
+    layers, mirrored, _ = order(stack.albedo.shape[1])
+    albedo, thickness = stack.albedo.T[layers], stack.optical_thickness.T[layers]
+    modes = layer_modes(albedo, directions.cosines, directions.weights)
+    beams = _beams(stack, layers)
+    ports = two_ports(albedo, modes.decay_squared, modes.coupling, thickness, beams, mirrored)
+    mu, weights, r = (jnp.asarray(a, albedo.dtype) for a in directions)
+    light = (beams.at_ground / beams.decay).T
+    root = jnp.sqrt(weights)
+    if stack.cos_viewing is None:
+        # All that leaves: the product of this load with sigma is the flux through the interface.
+        leaving = jnp.broadcast_to(root * (1.0 - r) / (1.0 + r), (thickness.shape[1], root.shape[-1]))
+        interface_load = jnp.stack([jnp.zeros_like(leaving), leaving], axis=1)
+        light = jnp.concatenate([light, jnp.zeros_like(light)], axis=1)
+        factor = beams.transmittance[0] * beams.decay[0]
+    else:
+        interface_load = jnp.zeros((thickness.shape[1], 2, root.shape[-1]), root.dtype)
+        both = beams.transmittance * beams.decay
+        factor = both[0] * both[1] / (4.0 * n**2)
+    ground_factor = 4.0 * stack.ground / (1.0 + stack.ground)
+    ends = Ends((1.0 - r) / ((1.0 + r) * mu), interface_load, 1.0 / mu, root, ground_factor, light)
+    return System(albedo, thickness, modes, beams, ports, ends, factor, directions)
+
+
+def _beams(stack: Stack, layers: np.ndarray) -> Beams:
+    given = [c for c in (stack.cos_incidence, stack.cos_viewing) if c is not None]
+    cosines = jnp.stack(given)
+    decay = 1.0 / cos_refracted(cosines, stack.refractive_index)
+    depth = jnp.cumsum(stack.optical_thickness.T, axis=0)
+    tops = jnp.concatenate([jnp.zeros_like(depth[:1]), depth[:-1]])[layers]
+    transmittance = 1.0 - dielectric_reflectance(cosines, stack.refractive_index)
+    return Beams(decay, transmittance, jnp.exp(-decay[:, None] * tops), jnp.exp(-decay * depth[-1]))
+
+
+class _Half(NamedTuple):
+    """A half of the stack as seen from its inner face: delta = Z sigma - s. Axis 0: lower, upper (or one of them)."""
+
+    impedance: Array  # (halves, batch, n, n), Z
+    source: Array  # (halves, batch, 2, n), s
+
+
+class _Layer(NamedTuple):
+    """The next layer of each half, (halves, batch, ...)."""
+
+    vectors: Array
+    scale: Array  # r = sqrt(T/D), positive for an empty layer too
+    thickness: Array
+    restoring: Array
+    sech: Array
+    near: Array
+    far: Array
+
+
+class _Memory(NamedTuple):
+    """What the way back needs of an eliminated layer."""
+
+    inverse: Array  # (I + D r z r)^-1, z the half's impedance in modes
+    admittance: Array  # inverse (r z r)
+    source: Array  # r s, in modes
+    passed: Array  # inverse (r s)
+
+
+def _layers(system: System) -> _Layer:
+    ports, empty = system.ports, system.thickness[..., None] == 0
+    scale = jnp.sqrt(jnp.where(empty, 1.0, ports.tanh / jnp.where(empty, 1.0, system.thickness[..., None])))
+    near, far = ports.near, ports.far
+    if near.shape[2] == 1:
+        near, far = (jnp.concatenate([load, jnp.zeros_like(load)], axis=2) for load in (near, far))
+    return _Layer(system.modes.vectors, scale, system.thickness, ports.restoring, ports.sech, near, far)
+
+
+def _outermost(ends: Ends, layer: _Layer) -> tuple[Array, Array]:
+    """Scaled impedance and source of the bare ends in the modes of the layers next to them."""
+    vectors = layer.vectors * layer.scale[..., None, :]
+    halves, batch, n = layer.scale.shape
+    diagonals = [ends.ground_diagonal, ends.interface]
+    diagonal = jnp.stack([jnp.broadcast_to(d, (batch, n)) for d in diagonals[:halves]])
+    seen = jnp.sum(vectors[0] * jnp.broadcast_to(ends.ground_vector, (batch, n))[..., None], axis=-2)
+    ground = ends.ground_factor[:, None] * seen
+    impedance = product(transposed(vectors), diagonal[..., None] * vectors)
+    from_ground = ends.ground_light[..., None] * ground[:, None]
+    coupled = ground[..., :, None] * seen[..., None, :]
+    if halves == 1:
+        return impedance - coupled, from_ground[None]
+    nothing = jnp.zeros_like(coupled)
+    from_above = product(ends.interface_load, vectors[1])
+    return impedance - jnp.stack([coupled, nothing]), jnp.stack([from_ground, from_above])
+
+
+def _next(half: _Half, layer: _Layer) -> tuple[Array, Array]:
+    """Scaled impedance r Y^T Z Y r and source r Y^T s of a half in the modes of its next layer."""
+    vectors = layer.vectors * layer.scale[..., None, :]
+    n = vectors.shape[-1]
+    rows = product(jnp.concatenate([half.impedance, half.source], axis=-2), vectors)
+    return product(transposed(vectors), rows[..., :n, :]), rows[..., n:, :]
+
+
+def _eliminate(impedance: Array, source: Array, layer: _Layer) -> tuple[_Half, Array, _Memory]:
+    """Take a layer into its half, given as scaled impedance and source in the layer's modes.
+
+    Returns:
+        The half with the layer in it, what that contributes to R (batch,), and what the way back needs.
+    """
+    n = impedance.shape[-1]
+    identity = jnp.eye(n, dtype=impedance.dtype)
+    # (I + Z T)^-1 in a symmetric scaling: exact for an empty layer, and small where T is large.
+    inverse = inverse_positive(identity + layer.thickness[..., None, None] * impedance)
+    # Vectors ride along as further rows of a matrix product: every product costs a dispatch.
+    rows = product(jnp.concatenate([impedance, source], axis=-2), inverse)
+    admittance, passed = rows[..., :n, :], rows[..., n:, :]
+    far = layer.far / layer.scale[..., None, :]
+    answer = passed + product(far, admittance)
+    gain = layer.thickness[..., None] * source[..., 1, :] * passed[..., 0, :]
+    gain -= passed[..., 1, :] * far[..., 0, :] + far[..., 1, :] * answer[..., 0, :]
+    through = layer.sech / layer.scale
+    outward = through[..., :, None] * admittance * through[..., None, :] + _diagonal(layer.restoring)
+    rows = jnp.concatenate([outward, layer.near + through[..., None, :] * answer], axis=-2)
+    rows = product(rows, transposed(layer.vectors))
+    half = _Half(product(layer.vectors, rows[..., :n, :]), rows[..., n:, :])
+    return half, jnp.sum(gain, axis=(0, -1)), _Memory(inverse, admittance, source, passed)
+
+
+def _recover(sigma: Array, layer: _Layer, memory: _Memory) -> tuple[Array, Fields]:
+    """From sigma at a layer's near face (halves, batch, 2, n) to that at its far face, with the layer's fields."""
+    near = product(sigma, layer.vectors)
+    scale = layer.scale[..., None, :]
+    driven = (layer.sech[..., None, :] * near - layer.far) / scale
+    far = scale * product(driven + layer.thickness[..., None, None] * memory.source, memory.inverse)
+    flux = (product(driven, memory.admittance) - memory.passed) / scale
+    return product(far, transposed(layer.vectors)), Fields(near, far, flux)
+
+
+class Solution(NamedTuple):
+    """Fields of light and view everywhere."""
+
+    fields: Fields  # (layers, batch, 2, n), layers in the order of `order`
+    at_interface: Array  # (batch, 2, n), sigma
+    at_ground: Array  # (batch, 2, n), sigma
+
+
+def _in_steps(tree: Any, start: int, stop: int) -> Any:
+    """Pairs of layers on an axis of their own."""
+    return jax.tree.map(lambda x: x[2 * start : 2 * stop].reshape(stop - start, 2, *x.shape[1:]), tree)
+
+
+def _at(tree: Any, start: int, stop: int | None = None) -> Any:
+    return jax.tree.map(lambda x: x[start:stop], tree)
+
+
+def _diagonal(values: Array) -> Array:
+    return values[..., None] * jnp.eye(values.shape[-1], dtype=values.dtype)
+
+
+@jax.named_scope("eliminate")
+def solve(system: System, *, with_fields: bool) -> tuple[Array, Solution | None]:
+    """Reflectance, and on request the fields.
+
+    Returns:
+        R (batch,) and `Solution` or None.
+    """
+    layers = _layers(system)
+    count = system.thickness.shape[0]
+    pairs, ends = count // 2, system.ends
+    total = jnp.sum(system.ports.direct, axis=0)
+    total += ends.ground_factor * ends.ground_light[:, 0] * ends.ground_light[:, 1]
+
+    # Pairs from the ends inwards, then the middle one of an odd number; each step leaves what the way back needs.
+    first = _at(layers, 0, 2 if pairs else 1)
+    half, gain, first_memory = _eliminate(*_outermost(ends, first), first)
+    total += gain
+    inner: tuple[_Layer, _Memory] | None = None
+    middle: tuple[_Layer, _Memory] | None = None
+    if pairs > 1:
+
+        def step(half: _Half, layer: _Layer) -> tuple[_Half, tuple[Array, _Memory]]:
+            half, gain, memory = _eliminate(*_next(half, layer), layer)
+            return half, (gain, memory)
+
+        pairs_inside = _in_steps(layers, 1, pairs)
+        half, (gains, memories) = jax.lax.scan(step, half, pairs_inside, unroll=pairs - 1 <= _UNROLLED)
+        inner = (pairs_inside, memories)
+        total += jnp.sum(gains, axis=0)
+    if pairs:
+        lower, upper = (_at(half, side, side + 1) for side in (0, 1))
+    else:
+        interface = jnp.broadcast_to(ends.interface, layers.scale.shape[1:])
+        lower, upper = half, _Half(_diagonal(interface)[None], ends.interface_load[None])
+    if pairs and count % 2:
+        last = _at(layers, count - 1)
+        lower, gain, memory = _eliminate(*_next(lower, last), last)
+        middle = (last, memory)
+        total += gain
+    source = (lower.source + upper.source)[0]
+    sigma = product(source, inverse_positive((lower.impedance + upper.impedance)[0]))
+    reflectance = system.factor * (total + jnp.sum(sigma[:, 0] * source[:, 1], axis=-1))
+    if not with_fields:
+        return reflectance, None
+    parts = []
+    faces = jnp.stack([sigma, sigma]) if pairs else sigma[None]
+    if middle is not None:
+        below, fields = _recover(sigma[None], *middle)
+        faces = jnp.concatenate([below, sigma[None]])
+        parts.append(fields)
+    if inner is not None:
+
+        def back(faces: Array, here: tuple[_Layer, _Memory]) -> tuple[Array, Fields]:
+            return _recover(faces, *here)
+
+        faces, fields = jax.lax.scan(back, faces, inner, reverse=True, unroll=pairs - 1 <= _UNROLLED)
+        parts.append(jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), fields))
+    faces, fields = _recover(faces, first, first_memory)
+    fields = jax.tree.map(lambda *x: jnp.concatenate(x), fields, *parts[::-1])
+    return reflectance, Solution(fields, faces[1] if pairs else sigma, faces[0])
+
+
+def reflectance(stack: Stack, resolution: Resolution | Directions) -> Array:
+    """Reflectance factor, or hemispherical reflectance where the stack has no viewing direction, (batch,)."""
+    return solve(assemble(stack, resolution), with_fields=False)[0]

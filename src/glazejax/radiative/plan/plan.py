@@ -1,0 +1,382 @@
+"""What a set of stacks does not need is not computed: decided once, on known numbers, before anything compiled runs.
+
+A plan knows arrays only. It drops empty layers, merges equal neighbours, cuts what lies below an opaque layer, finds
+equal stacks and pairs of exchanged directions, takes the closed form where scattering is negligible, leaves out
+bands that cannot move the weighted sums asked for, and sends what remains to the solver in groups of equal depth and
+blocks of few shapes. Each of these can be switched off; none changes a result by more than its share of the tolerance.
+"""
+
+import functools
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jax.core import Tracer
+from jaxtyping import Array, Bool, Float, Int
+
+from ..common.inputs import (
+    Numbers,
+    at_least_one_layer,
+    batch_shape,
+    check_tolerance,
+    check_values,
+)
+from ..stack import stack_hemispherical_reflectance, stack_reflectance_factor
+from . import reduction
+from .reduction import Rows
+
+# Shares of the tolerance; exact savings need none.
+_SHARE_HIDDEN, _SHARE_SCATTERING, _SHARE_BANDS = 0.25, 0.25, 0.5
+# Stacks go to the solver in blocks of these sizes and, if grouped, these numbers of layers: few programs to compile.
+_BLOCKS = (4096, 512, 64)
+_DEPTHS = (1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48, 64)
+# A block at least this full is padded rather than cut into smaller ones; a call costs what some hundred stacks do.
+_FILLED = (0.85, 0.5, 0.0)
+# A group smaller than this joins the next deeper one.
+_SMALLEST_GROUP = 256
+# Optical thicknesses of the white medium that bounds every reflectance; between them it changes by less than a margin.
+_WHITE = np.concatenate([[0.0], np.geomspace(1e-3, 1e4, 63)])
+_WHITE_MARGIN = 1.05
+_MOST_GEOMETRIES = 32
+
+
+class Savings(NamedTuple):
+    """One switch for each thing that may be left out."""
+
+    layers: bool = True
+    """Layers without thickness are dropped, neighbours of equal albedo merged."""
+    hidden: bool = True
+    """Layers and ground below what is opaque are not followed."""
+    scattering: bool = True
+    """Closed form where scattering in the layers, or all of it but the first, is negligible."""
+    equal: bool = True
+    """Equal stacks are computed once."""
+    reciprocity: bool = True
+    """Incidence and viewing exchanged count as equal; of use together with `equal`."""
+    bands: bool = True
+    """Bands that cannot move the weighted sums asked for are interpolated between the others."""
+    unwanted: bool = True
+    """Entries not asked for are not computed; off, they are computed and then discarded."""
+    groups: bool = True
+    """Stacks of few layers are not padded to the number of layers of the deepest."""
+
+
+ALL = Savings()
+
+
+class Report(NamedTuple):
+    """How many stacks and layers a plan leaves out, and why."""
+
+    stacks: int
+    """Entries of the full result."""
+    unwanted: int
+    """Entries not asked for."""
+    bands: int
+    """Entries left out with their band."""
+    equal: int
+    """Entries that equal another one, once simplified."""
+    closed: int
+    """Distinct stacks by closed form."""
+    solved: int
+    """Distinct stacks that go to the solver."""
+    layers: int
+    """Layers, empty ones too, of all distinct stacks as given."""
+    hidden_layers: int
+    """Layers hidden below others."""
+    hidden_grounds: int
+    """Grounds that no light reaches and leaves again."""
+    solved_layers: int
+    """Layers that go to the solver, padding included."""
+    groups: tuple[tuple[int, int], ...]
+    """(number of layers, number of stacks) of each group."""
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Stacks that have to be computed, and how the full result follows from them. Made by `plan_stacks`."""
+
+    _rows: Rows
+    _groups: list[tuple[int, Int[np.ndarray, "group"]]]
+    _closed: Int[np.ndarray, "closed"]
+    _inverse: Int[np.ndarray, "computed"]  # for each computed entry, its row
+    _computed: Int[np.ndarray, "computed"]  # the entries, of the flattened batch
+    _discarded: Bool[np.ndarray, "entries"] | None
+    _kept_bands: Bool[np.ndarray, "bands"] | None
+    _shape: tuple[int, ...]
+    _tolerance: float
+    _report: Report
+
+    def __repr__(self) -> str:
+        return f"Plan({self.describe()})"
+
+    def run(self) -> Float[Array, "*batch"]:
+        """Compute what has to be and put every result in its place.
+
+        Returns:
+            Reflectances, the broadcast batch shape of the inputs; NaN where not wanted.
+        """
+        distinct = np.empty(self._rows.count)
+        pending = []
+        for layers, members in self._groups:
+            for start, stop, size in _blocks(members.size):
+                # The last block is filled up with copies of its first stack.
+                padded = np.resize(members[start:stop], size) if stop - start < size else members[start:stop]
+                pending.append((members[start:stop], self._solve(self._rows.take(padded), layers)))
+        for piece in reduction.pieces(self._closed):
+            distinct[piece] = reduction.by_closed_form(self._rows.take(piece)).reflectance
+        for members, values in pending:
+            distinct[members] = np.asarray(values)[: members.size]
+        full = np.full(int(np.prod(self._shape)), np.nan)
+        full[self._computed] = distinct[self._inverse]
+        if self._discarded is not None:
+            full[self._discarded] = np.nan
+        full = full.reshape(self._shape)
+        if self._kept_bands is not None and not self._kept_bands.all():
+            full = _fill_bands(full, self._kept_bands)
+        return jnp.asarray(full, jnp.result_type(float))
+
+    def _solve(self, rows: Rows, layers: int) -> Array:
+        first = rows.refractive_index[0]
+        index = float(first) if np.all(self._rows.refractive_index == first) else rows.refractive_index
+        arrays = (rows.albedo[:, :layers], rows.optical_thickness[:, :layers], rows.ground)
+        common = {"refractive_index": index, "cos_incidence": rows.cos_incidence, "tolerance": self._tolerance}
+        if rows.cos_viewing is None:
+            return stack_hemispherical_reflectance(*arrays, **common)
+        return stack_reflectance_factor(*arrays, **common, cos_viewing=rows.cos_viewing)
+
+    def report(self) -> Report:
+        """What is left out, in numbers."""
+        return self._report
+
+    def describe(self) -> str:
+        """What is left out, in words."""
+        r = self._report
+        groups = ", ".join(f"{stacks} of {layers} layer{'s' * (layers > 1)}" for layers, stacks in r.groups)
+        lines = [
+            (r.unwanted, f"{r.unwanted} were not asked for"),
+            (r.bands, f"{r.bands} belong to bands that cannot move the weighted sums"),
+            (r.equal, f"{r.equal} equal another one"),
+            (r.hidden_layers, f"{r.hidden_layers} layers are hidden below others"),
+            (r.hidden_grounds, f"{r.hidden_grounds} grounds are hidden"),
+            (r.closed, f"{r.closed} follow from a closed form, their multiple scattering being negligible"),
+            (True, f"{r.solved} are solved" + (f": {groups}" if groups else "")),
+        ]
+        return "; ".join([f"{r.stacks} stacks", *(words for count, words in lines if count)])
+
+
+def plan_stacks(
+    albedo: Float[Numbers, "*batch layers"],
+    optical_thickness: Float[Numbers, "*batch layers"],
+    substrate_reflectance: Float[Numbers, "*batch"],
+    *,
+    refractive_index: float | Float[Numbers, "*batch"] = 1.5,
+    cos_incidence: Float[Numbers, "*batch"] = 1.0,
+    cos_viewing: Float[Numbers, "*batch"] | None = 1.0,
+    tolerance: float = 1e-6,
+    savings: Savings = ALL,
+    band_weights: Float[Numbers, "bands channels"] | None = None,
+    wanted: Bool[Numbers, "*batch"] | None = None,
+) -> Plan:
+    """Decide what of a batch of stacks has to be computed.
+
+    Args:
+        albedo, optical_thickness: of each layer, top first, (..., layers); as `stack_reflectance_factor`.
+        substrate_reflectance: of the Lambertian ground, from inside the medium, (...).
+        refractive_index: of all layers, (...); one value for all stacks is the fast path, as a number or not.
+        cos_incidence, cos_viewing: cosines in air, (...); cos_viewing None asks for the hemispherical reflectance.
+        tolerance: absolute error wanted of the solver. All savings together change a result by no more than that.
+        savings: which savings to make.
+        band_weights: if only the sums over the last batch axis times these weights matter, such as illuminant times
+            colour matching functions, (bands, channels). No channel then moves, by bands left out, by more than half
+            the tolerance times the sum of its weights' magnitudes.
+        wanted: which entries are asked for, (...); the others are NaN in the result. All by default.
+
+    Returns:
+        `Plan`; its ``run()`` gives the reflectances in the broadcast shape of the batch.
+
+    Raises:
+        ValueError: an input is traced by JAX, out of range, or does not broadcast, or `band_weights` do not match.
+
+    Notes:
+        The bounds are those of `bounds`. A band is weighed by the highest reflectance there is in
+        this geometry: of a medium that absorbs nothing on a white ground, whatever its thickness.
+    """
+    check_tolerance(tolerance)
+    given, shape, layers = _broadcast(
+        albedo, optical_thickness, substrate_reflectance, refractive_index, cos_incidence, cos_viewing
+    )
+    size = int(np.prod(shape))
+    ask = np.ones(size, bool) if wanted is None else np.broadcast_to(_known("wanted", wanted, bool), shape).reshape(-1)
+    compute = ask if savings.unwanted else np.ones(size, bool)
+    due, kept = int(compute.sum()), None
+    if band_weights is not None:
+        weights = _known("band_weights", band_weights)
+        if weights.ndim != 2 or weights.shape[:1] != shape[-1:]:
+            raise ValueError(f"band_weights {weights.shape} do not fit bands as the last axis of the batch {shape}")
+        by_stack = ask.reshape(shape)
+        # Where a band is wanted of one stack and not of another, its neighbours may not be there to fill it in.
+        if savings.bands and size and np.array_equal(by_stack.all(axis=-1), by_stack.any(axis=-1)):
+            kept = _needed_bands(weights, tolerance * _SHARE_BANDS, given)
+            compute = compute & np.broadcast_to(kept, shape).reshape(-1)
+    computed = np.flatnonzero(compute)
+    rows = _flat(given, shape, layers, computed)
+    if savings.reciprocity and rows.cos_viewing is not None:
+        low, high = np.minimum(rows.cos_incidence, rows.cos_viewing), np.maximum(rows.cos_incidence, rows.cos_viewing)
+        rows = replace(rows, cos_incidence=low, cos_viewing=high)
+    rows, inverse = reduction.once(rows) if savings.equal else (rows, np.arange(rows.count))
+    given_layers = rows.albedo.size
+    if savings.layers:
+        rows = reduction.simplify(rows)
+    before, hidden = reduction.filled(rows), np.zeros(rows.count, bool)
+    if savings.hidden:
+        rows, hidden = reduction.cut(rows, tolerance * _SHARE_HIDDEN)
+    hidden_layers, hidden_grounds = int((before - reduction.filled(rows)).sum()), int(hidden.sum())
+    if savings.equal and (savings.layers or savings.hidden):
+        rows, again = reduction.once(rows)
+        inverse = again[inverse]
+    closed = np.zeros(rows.count, bool)
+    if savings.scattering:
+        closed = reduction.closes(rows, tolerance * _SHARE_SCATTERING)
+    groups = _group(reduction.filled(rows), np.flatnonzero(~closed), savings.groups)
+    report = Report(
+        stacks=size,
+        unwanted=size - due,
+        bands=due - computed.size,
+        equal=computed.size - rows.count,
+        closed=int(closed.sum()),
+        solved=int((~closed).sum()),
+        layers=given_layers,
+        hidden_layers=hidden_layers,
+        hidden_grounds=hidden_grounds,
+        solved_layers=sum(depth * members.size for depth, members in groups),
+        groups=tuple((depth, members.size) for depth, members in groups),
+    )
+    discarded = None if savings.unwanted or ask.all() else ~ask
+    return Plan(rows, groups, np.flatnonzero(closed), inverse, computed, discarded, kept, shape, tolerance, report)
+
+
+_ARGUMENTS = (
+    "albedo",
+    "optical_thickness",
+    "substrate_reflectance",
+    "refractive_index",
+    "cos_incidence",
+    "cos_viewing",
+)
+
+
+def _known(name: str, value: Any, dtype: type = float) -> np.ndarray:
+    if isinstance(value, Tracer):
+        raise ValueError(
+            f"{name} is traced by JAX, but a plan looks at numbers: make it outside jit, vmap and grad, or call "
+            "stack_reflectance_factor, which needs no plan"
+        )
+    return np.asarray(value, dtype)
+
+
+def _broadcast(*arguments: Any) -> tuple[Rows, tuple[int, ...], int]:
+    """Checked inputs that broadcast, the batch shape and the number of layers (at least one)."""
+    given: dict[str, Any] = {
+        n: None if n == "cos_viewing" and v is None else _known(n, v)
+        for n, v in zip(_ARGUMENTS, arguments, strict=True)
+    }
+    check_values(given)
+    albedo, thickness, *rest = given.values()
+    albedo, thickness, layers = at_least_one_layer(albedo, thickness, xp=np)
+    shapes = {"albedo": albedo.shape[:-1], "optical_thickness": thickness.shape[:-1]}
+    shape = batch_shape(shapes | {n: a.shape for n, a in given.items() if a is not None and n not in shapes})
+    return Rows(albedo, thickness, *rest), shape, layers
+
+
+def _flat(given: Rows, shape: tuple[int, ...], layers: int, computed: np.ndarray) -> Rows:
+    """The entries to compute, one row each."""
+
+    def flat(array: np.ndarray, *extra: int) -> np.ndarray:
+        return np.broadcast_to(array, shape + extra).reshape(-1, *extra)[computed]
+
+    thickness = flat(given.optical_thickness, layers)
+    return Rows(
+        # The albedo of an absent layer says nothing; zeros make such stacks equal.
+        np.where(thickness > 0, flat(given.albedo, layers), 0.0),
+        thickness,
+        flat(given.ground),
+        flat(given.refractive_index),
+        flat(given.cos_incidence),
+        None if given.cos_viewing is None else flat(given.cos_viewing),
+    )
+
+
+@functools.lru_cache(maxsize=256)
+def _ceiling(index: float, cos_incidence: float, cos_viewing: float | None) -> float:
+    """Highest reflectance of any stack: that of a medium that absorbs nothing on a white ground.
+
+    Reflectance grows with every albedo and with the ground's, and layers of albedo one are one layer.
+    """
+    if cos_viewing is None:
+        return 1.0
+    values = stack_reflectance_factor(
+        np.ones((64, 1)), _WHITE[:, None], 1.0, refractive_index=index,
+        cos_incidence=cos_incidence, cos_viewing=cos_viewing, tolerance=1e-3,
+    )  # fmt: skip
+    return _WHITE_MARGIN * float(np.max(values))
+
+
+def _needed_bands(weights: np.ndarray, tolerance: float, given: Rows) -> Bool[np.ndarray, "bands"]:
+    """Bands without which a channel could be off by more than the tolerance, relative to its perfect white."""
+    directions = (given.refractive_index, given.cos_incidence, 1.0 if given.cos_viewing is None else given.cos_viewing)
+    rows = np.stack([np.ravel(a) for a in np.broadcast_arrays(*directions)], axis=1)
+    geometries = np.unique(rows, axis=0)
+    keep = np.ones(weights.shape[0], bool)
+    if len(geometries) > _MOST_GEOMETRIES:
+        return keep
+    ceiling = max(_ceiling(n, i, None if given.cos_viewing is None else v) for n, i, v in geometries.tolist())
+    magnitude = np.abs(weights)
+    total = magnitude.sum(axis=0)
+    share = magnitude / np.where(total > 0, total, 1.0)
+    order = np.argsort(share.max(axis=1), kind="stable")
+    # Any value between zero and the ceiling is off by at most the ceiling.
+    fits = np.max(ceiling * np.cumsum(share[order], axis=0), axis=1) <= tolerance
+    left_out = min(int(np.count_nonzero(fits)), fits.size - 1)  # the sums only grow; one band stays
+    keep[order[:left_out]] = False
+    return keep
+
+
+def _fill_bands(values: np.ndarray, kept: np.ndarray) -> np.ndarray:
+    """Bands left out, from the two nearest that were not, by their number."""
+    known = np.flatnonzero(kept)
+    right = np.clip(np.searchsorted(known, np.arange(kept.size)), 0, known.size - 1)
+    left = np.where(kept, right, np.clip(right - 1, 0, None))
+    a, b = known[left], known[right]
+    part = np.clip((np.arange(kept.size) - a) / np.maximum(b - a, 1), 0.0, 1.0)
+    out = values[..., a] * (1.0 - part) + values[..., b] * part
+    out[..., kept] = values[..., kept]
+    return out
+
+
+def _group(depth: np.ndarray, members: np.ndarray, grouped: bool) -> list[tuple[int, np.ndarray]]:
+    """Stacks to solve by padded number of layers, thin ones first."""
+    if members.size == 0:
+        return []
+    deepest = max(1, int(depth[members].max()))
+    if not grouped:
+        return [(deepest, members)]
+    steps = [step for step in _DEPTHS if step < deepest] + [deepest]
+    padded = np.searchsorted(steps, np.maximum(depth[members], 1))
+    groups, waiting = [], np.zeros(0, int)
+    for k, step in enumerate(steps):
+        waiting = np.concatenate([waiting, members[padded == k]])
+        if waiting.size >= _SMALLEST_GROUP or (k == len(steps) - 1 and waiting.size):
+            groups.append((step, waiting))
+            waiting = waiting[:0]
+    return groups
+
+
+def _blocks(count: int) -> list[tuple[int, int, int]]:
+    """(start, stop, padded size) of pieces that cover `count` stacks: a size is padded where it is mostly filled."""
+    pieces, start = [], 0
+    for size, filled in zip(_BLOCKS, _FILLED, strict=True):
+        while start < count and count - start >= filled * size:
+            pieces.append((start, min(start + size, count), size))
+            start += size
+    return pieces

@@ -1,0 +1,137 @@
+"""Fewer and simpler stacks of the same reflectance: equal or empty, hidden, or of closed form (numpy)."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from . import closed_form
+from .bounds import End, hidden_below, scattered_beyond_first
+
+# Stacks looked at together by the closed form and its bounds.
+_PIECE = 16384
+# Distinct indices the closed form is worth its quadratures for.
+_MOST_INDICES = 32
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Stacks as rows, float64; before broadcasting, whatever broadcasts to them."""
+
+    albedo: Float[np.ndarray, "stacks layers"]
+    optical_thickness: Float[np.ndarray, "stacks layers"]
+    ground: Float[np.ndarray, "stacks"]
+    refractive_index: Float[np.ndarray, "stacks"]
+    cos_incidence: Float[np.ndarray, "stacks"]
+    cos_viewing: Float[np.ndarray, "stacks"] | None
+
+    @property
+    def count(self) -> int:
+        """Number of stacks."""
+        return self.ground.size
+
+    def media(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """All but the directions."""
+        return self.albedo, self.optical_thickness, self.ground, self.refractive_index
+
+    def take(self, rows: np.ndarray) -> "Rows":
+        """Some of the stacks."""
+        viewing = None if self.cos_viewing is None else self.cos_viewing[rows]
+        albedo, thickness, ground, index = (leaf[rows] for leaf in self.media())
+        return Rows(albedo, thickness, ground, index, self.cos_incidence[rows], viewing)
+
+    def columns(self) -> list[np.ndarray]:
+        """Every quantity of a stack as one array (stacks,)."""
+        ends = [self.cos_incidence] if self.cos_viewing is None else [self.cos_incidence, self.cos_viewing]
+        return [*self.albedo.T, *self.optical_thickness.T, self.ground, self.refractive_index, *ends]
+
+    def ends(self) -> tuple[End, End]:
+        """Incidence and viewing, as the bounds want them."""
+        n = self.refractive_index
+        return closed_form.end(self.cos_incidence, n), closed_form.end(self.cos_viewing, n)
+
+
+def distinct(columns: list[Float[np.ndarray, "entries"]]) -> tuple[Int[np.ndarray, "kept"], Int[np.ndarray, "entries"]]:
+    """First of each kind among entries equal in all columns, and which kind each entry is."""
+    columns = [np.asarray(column, np.float64) + 0.0 for column in columns]  # -0 becomes 0
+    key = np.zeros(columns[0].size, np.uint64)
+    for column in columns:  # a hash sorts much faster than rows of numbers
+        key = (key ^ column.view(np.uint64)) * np.uint64(0x9E3779B97F4A7C15)
+        key ^= key >> np.uint64(31)
+    _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
+    if not all(np.array_equal(column[first][inverse], column) for column in columns):
+        _, first, inverse = np.unique(np.stack(columns, 1), axis=0, return_index=True, return_inverse=True)
+    return first, inverse.reshape(-1)
+
+
+def once(rows: Rows) -> tuple[Rows, Int[np.ndarray, "entries"]]:
+    """Distinct stacks, and where each of the given ones is among them."""
+    first, inverse = distinct(rows.columns())
+    return rows.take(first), inverse
+
+
+def simplify(rows: Rows) -> Rows:
+    """Empty layers out, neighbours of equal albedo merged, the rest moved up."""
+    albedo, thickness = np.zeros_like(rows.albedo), np.zeros_like(rows.optical_thickness)
+    at = np.full(rows.count, -1)
+    last = np.full(rows.count, np.nan)
+    for q, depth in zip(rows.albedo.T, rows.optical_thickness.T, strict=True):
+        here = np.flatnonzero(depth > 0)
+        at[here] += q[here] != last[here]
+        last[here] = q[here]
+        albedo[here, at[here]] = q[here]
+        thickness[here, at[here]] += depth[here]
+    deepest = max(1, int(at.max(initial=0)) + 1)
+    return replace(rows, albedo=albedo[:, :deepest], optical_thickness=thickness[:, :deepest])
+
+
+def filled(rows: Rows) -> Int[np.ndarray, "stacks"]:
+    """Number of layers down to the last that is not empty."""
+    order = np.arange(1, rows.albedo.shape[1] + 1)
+    return np.max(order * (rows.optical_thickness > 0), axis=1, initial=0)
+
+
+def cut(rows: Rows, tolerance: float) -> tuple[Rows, Bool[np.ndarray, "stacks"]]:
+    """Nothing below what is opaque, and black instead of a ground that is not seen; whether so."""
+    seen, hidden = hidden_below(*rows.media(), *rows.ends(), tolerance)
+    follow = np.arange(rows.albedo.shape[1]) < seen[:, None]
+    kept = replace(
+        rows,
+        albedo=np.where(follow, rows.albedo, 0.0),
+        optical_thickness=np.where(follow, rows.optical_thickness, 0.0),
+        ground=np.where(hidden, 0.0, rows.ground),
+    )
+    return kept, hidden & (rows.ground > 0)
+
+
+def pieces(members: Int[np.ndarray, "members"]) -> list[Int[np.ndarray, "piece"]]:
+    """As many at a time as the closed form's quadrature should hold."""
+    return [members[i : i + _PIECE] for i in range(0, members.size, _PIECE)]
+
+
+def by_closed_form(rows: Rows) -> closed_form.Glimpse:
+    """Closed form, index by index."""
+    value, one, two = np.empty((3, rows.count))
+    for index in np.unique(rows.refractive_index):
+        here = np.flatnonzero(rows.refractive_index == index)
+        part = rows.take(here)
+        media = (part.albedo, part.optical_thickness, part.ground, float(index))
+        glimpse = closed_form.glimpse(*media, part.cos_incidence, part.cos_viewing)
+        value[here], (one[here], two[here]) = glimpse
+    return closed_form.Glimpse(value, (one, two))
+
+
+def closes(rows: Rows, tolerance: float) -> Bool[np.ndarray, "stacks"]:
+    """Where the closed form leaves out no more than the tolerance."""
+
+    def bound(part: Rows, lit: tuple[np.ndarray, np.ndarray]) -> np.ndarray:
+        return scattered_beyond_first(part.albedo, part.optical_thickness, lit, part.refractive_index, *part.ends())
+
+    # Without the ground's part the bound is cheap, and only smaller: few stacks are looked at closely.
+    fits = bound(rows, (np.zeros(rows.count), np.zeros(rows.count))) <= tolerance
+    if np.unique(rows.refractive_index[fits]).size > _MOST_INDICES:  # one quadrature an index
+        return np.zeros(rows.count, bool)
+    for piece in pieces(np.flatnonzero(fits)):
+        part = rows.take(piece)
+        fits[piece] = bound(part, by_closed_form(part).ground_radiosity) <= tolerance
+    return fits
