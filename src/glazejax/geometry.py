@@ -1,12 +1,29 @@
-"""What the instrument does: where the light comes from and where it is measured."""
+"""What the instrument does: where the light comes from and where it is measured.
+
+One `Instrument` is a geometry and a refractive index. `parse_geometry` reads the words for a geometry, the same on the
+command line and in Python: ``d:8``, ``de:8``, ``45:0`` and so on.
+"""
+
+from dataclasses import dataclass, field
+from typing import Self
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
+from .radiative.common.fresnel import dielectric_reflectance
+from .radiative.common.inputs import INDEX_RANGE
 from .spectra import Numbers, as_float_array, concrete
+
+GEOMETRIES = (
+    "d:8 or di:8 (integrating sphere, mirror reflection included), de:8 (excluded), 45:0, 0:45, or another ANGLE:ANGLE "
+    "of light and view in degrees"
+)
+"""The words for a geometry, as help and errors list them."""
+
+_SPHERES = {"d": True, "di": True, "de": False}
 
 
 def _angle(name: str, degrees: Numbers) -> float | Float[Array, "..."]:
@@ -30,6 +47,12 @@ def _azimuth(degrees: Numbers) -> float | Float[Array, "..."]:
     if not np.all(np.isfinite(values)):
         raise ValueError(f"azimuth must be a finite number of degrees, not {values[~np.isfinite(values)].flat[0]:g}")
     return as_float_array(degrees) if values.ndim or eqx.is_array(degrees) else float(values)
+
+
+def _degrees(angle: ArrayLike) -> str:
+    """An angle in words; a range of angles where there are several."""
+    values = np.unique(np.asarray(angle))
+    return f"{values[0]:g}°" if values.size == 1 else f"{values[0]:g}° to {values[-1]:g}°"
 
 
 def _cosine(degrees: ArrayLike) -> ArrayLike:
@@ -81,6 +104,26 @@ class Bidirectional(eqx.Module):
         """Cosine of the angle of viewing in air; scalar or (..., 1)."""
         return _cosine(self.viewing)
 
+    @property
+    def sees_surface(self) -> bool | Bool[Array, "..."]:
+        """Whether readings contain the surface's mirror reflection: asked for, and in view; scalar or (..., 1)."""
+        if not self.specular:
+            return False
+        incidence, viewing, azimuth = (jnp.asarray(a) for a in (self.incidence, self.viewing, self.azimuth))
+        # At normal incidence every azimuth is that of the mirror direction.
+        mirror = (incidence == viewing) & ((jnp.remainder(azimuth, 360.0) == 0) | (incidence == 0))
+        return mirror[..., None] if mirror.ndim else mirror
+
+    @property
+    def notation(self) -> str:
+        """What `parse_geometry` reads, such as ``45:0``; single angles only, and no azimuth."""
+        return f"{float(self.incidence):g}:{float(self.viewing):g}{':specular' if self.specular else ''}"
+
+    def describe(self) -> str:
+        """The geometry in words."""
+        mirrored = "mirror reflection included" if self.specular else "no mirror reflection"
+        return f"light at {_degrees(self.incidence)}, view at {_degrees(self.viewing)}, {mirrored}"
+
 
 class Hemispherical(eqx.Module):
     """A beam in one direction, all reflected light collected: an integrating sphere.
@@ -109,5 +152,129 @@ class Hemispherical(eqx.Module):
         """Cosine of the angle of incidence in air; scalar or (..., 1)."""
         return _cosine(self.incidence)
 
+    @property
+    def sees_surface(self) -> bool:
+        """Whether readings contain the surface's mirror reflection."""
+        return self.specular
+
+    @property
+    def notation(self) -> str:
+        """What `parse_geometry` reads, such as ``d:8``; a single angle only."""
+        return f"{'d' if self.specular else 'de'}:{float(self.incidence):g}"
+
+    def describe(self) -> str:
+        """The geometry in words."""
+        return f"an integrating sphere at {_degrees(self.incidence)}, specular {'in' if self.specular else 'ex'}cluded"
+
 
 Geometry = Bidirectional | Hemispherical
+
+
+def parse_geometry(text: str, *, argument: str = "geometry") -> Geometry:
+    """Read the words for a geometry.
+
+    Args:
+        text: ``d:8`` or ``di:8``, an integrating sphere with the mirror reflection, ``de:8`` without it, and by
+            reciprocity ``8:d``, ``8:di``, ``8:de``; or the angles of light and view, ``45:0``, ``0:45``, ``30:30``.
+            With equal angles, ``30:30:specular`` sees the mirror reflection. Any angle in [0, 90) degrees will do.
+        argument: what ``text`` was given as, such as ``--geometry``; errors begin with it.
+
+    Raises:
+        ValueError: other words, an angle out of range, or a mirror reflection that is not in view.
+    """
+    parts = [part.strip().lower().removesuffix("°") for part in text.replace("/", ":").split(":")]
+    specular = len(parts) == 3 and parts[2] == "specular"
+    pair = parts[:2] if specular else parts
+    spheres = [_SPHERES[part] for part in pair if part in _SPHERES]
+    try:
+        angles = [float(part) for part in pair if part not in _SPHERES]
+    except ValueError:
+        angles = []
+    if len(pair) != 2 or len(spheres) + len(angles) != 2 or not angles or (spheres and specular):
+        raise ValueError(f"{argument} is {text!r}; it must be {GEOMETRIES}")
+    try:
+        found = Hemispherical(angles[0], spheres[0]) if spheres else Bidirectional(angles[0], angles[1], specular)
+    except ValueError as error:
+        raise ValueError(f"{argument} is {text!r}: {error}") from None
+    if specular and angles[0] != angles[1]:
+        raise ValueError(
+            f"{argument} is {text!r}: at {angles[0]:g}:{angles[1]:g} the mirror reflection is not in view; use equal "
+            "angles, or a sphere, d:8"
+        )
+    return found
+
+
+@dataclass(frozen=True)
+class Instrument:
+    """An instrument in front of paint with a smooth surface.
+
+    Attributes:
+        geometry: what it does, single angles; by default d:8, an integrating sphere with the mirror reflection.
+        refractive_index: of paint and of the cards' surface, in [1, 2.5].
+
+    Raises:
+        ValueError: an index out of range.
+    """
+
+    geometry: Geometry = field(default_factory=Hemispherical)
+    refractive_index: float = 1.5
+
+    def __post_init__(self) -> None:
+        low, high = INDEX_RANGE
+        if not low <= self.refractive_index <= high:
+            raise ValueError(f"refractive index {self.refractive_index:g} is outside [{low:g}, {high:g}]")
+
+    @classmethod
+    def parse(cls, text: str, refractive_index: float = 1.5) -> Self:
+        """The instrument of these words, such as ``Instrument.parse("45:0")``.
+
+        Raises:
+            ValueError: see `parse_geometry`.
+        """
+        return cls(parse_geometry(text), refractive_index)
+
+    @property
+    def cos_incidence(self) -> float:
+        """Cosine of the angle of incidence in air."""
+        return float(np.cos(np.deg2rad(float(np.asarray(self.geometry.incidence)))))
+
+    @property
+    def surface(self) -> float:
+        """Fresnel reflectance of the outer surface at the angle of incidence, R_s, whether it is measured or not."""
+        return float(dielectric_reflectance(self.cos_incidence, self.refractive_index))
+
+    @property
+    def seen_surface(self) -> float:
+        """What the surface adds to a reading: R_s, or 0 if its mirror reflection is excluded or out of view."""
+        return self.surface if self.geometry.sees_surface else 0.0
+
+    def require_sphere(self) -> None:
+        """Refuse any geometry but an integrating sphere, where the equations hold for that alone.
+
+        Raises:
+            ValueError: it is another.
+        """
+        if not isinstance(self.geometry, Hemispherical):
+            raise ValueError(
+                "films over bare cards are fitted for an integrating sphere only, such as d:8 or de:8, not for "
+                f"{self.describe()}"
+            )
+
+    def describe(self) -> str:
+        """The geometry in words, as `Hemispherical.describe` and `Bidirectional.describe` give them."""
+        return self.geometry.describe()
+
+
+def resolve_instrument(
+    instrument: Instrument | None = None, geometry: Geometry | None = None, refractive_index: float = 1.5
+) -> Instrument:
+    """The one instrument of a function that takes a whole one, a geometry instead of the instrument's, or neither.
+
+    Args:
+        instrument: by default d:8 with the mirror reflection.
+        geometry: what replaces the geometry of `instrument`.
+        refractive_index: where there is no `instrument`.
+    """
+    if instrument is None:
+        return Instrument(geometry or Hemispherical(), refractive_index)
+    return instrument if geometry is None else Instrument(geometry, instrument.refractive_index)

@@ -57,25 +57,15 @@ def reflectance(
                 from .radiative.manyflux.reflectance import manyflux_reflectance_factor
 
                 diffuse = manyflux_reflectance_factor(*stack, **directions, azimuth=azimuth, **given)
-            mirror = jnp.asarray(geometry.incidence) == jnp.asarray(geometry.viewing)
-            mirror = (mirror[..., None] if mirror.ndim else mirror) & _on_mirror_side(geometry, azimuth)
         case Hemispherical():
             if phase is None:
                 solve = stack_hemispherical_reflectance
             else:
                 from .radiative.manyflux.reflectance import manyflux_hemispherical_reflectance as solve
             diffuse = solve(*stack, cos_incidence=geometry.cos_incidence, **given)
-            mirror = True
         case _:
             raise TypeError(f"geometry must be Bidirectional or Hemispherical, not {type(geometry).__name__}")
     if not geometry.specular:
         return diffuse
     surface = dielectric_reflectance(jnp.asarray(geometry.cos_incidence), jnp.asarray(n))
-    return diffuse + jnp.where(mirror, surface, 0.0)
-
-
-def _on_mirror_side(geometry: Bidirectional, azimuth: Array) -> Array:
-    """Whether the azimuth is that of the mirror direction; at normal incidence every azimuth is."""
-    turned = jnp.remainder(azimuth, 360.0)
-    normal = jnp.asarray(geometry.incidence) == 0
-    return (turned == 0) | (normal[..., None] if normal.ndim else normal)
+    return diffuse + jnp.where(geometry.sees_surface, surface, 0.0)

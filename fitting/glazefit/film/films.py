@@ -1,55 +1,18 @@
-"""Measured films: paint over a black and over a white card, the instrument that saw them, and its noise."""
+"""Measured films: paint over a black and over a white card, and the noise of the instrument that saw them."""
 
 import difflib
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Self
 
 import numpy as np
 from jaxtyping import Array, Float
 
-from glazejax.geometry import Hemispherical
-from glazejax.radiative.common.fresnel import dielectric_reflectance
-from glazejax.radiative.stack import INDEX_RANGE, stack_hemispherical_reflectance
+from glazejax.geometry import Instrument as Instrument
+from glazejax.radiative.stack import stack_hemispherical_reflectance
 from glazejax.spectra import validate_wavelengths
 
 Spectra = Float[np.ndarray, "films bands"]
-
-
-@dataclass(frozen=True)
-class Instrument:
-    """An integrating sphere in front of paint with a smooth surface (d:8 by reciprocity).
-
-    Attributes:
-        geometry: angle of incidence, and whether the specular part is included.
-        refractive_index: of paint and of the cards' surface, in [1, 2.5].
-
-    Raises:
-        ValueError: an index out of range.
-    """
-
-    geometry: Hemispherical = field(default_factory=Hemispherical)
-    refractive_index: float = 1.5
-
-    def __post_init__(self) -> None:
-        low, high = INDEX_RANGE
-        if not low <= self.refractive_index <= high:
-            raise ValueError(f"refractive index {self.refractive_index:g} is outside [{low:g}, {high:g}]")
-
-    @property
-    def cos_incidence(self) -> float:
-        """Cosine of the angle of incidence in air."""
-        return float(np.cos(np.deg2rad(float(np.asarray(self.geometry.incidence)))))
-
-    @property
-    def surface(self) -> float:
-        """Fresnel reflectance of the outer surface, R_s, whether it is measured or not."""
-        return float(dielectric_reflectance(self.cos_incidence, self.refractive_index))
-
-    @property
-    def seen_surface(self) -> float:
-        """What the surface adds to a reading: R_s, or 0 if the specular part is excluded."""
-        return self.surface if self.geometry.specular else 0.0
 
 
 @dataclass(frozen=True)
@@ -164,7 +127,11 @@ def diffuse_internal_reflectance(instrument: Instrument) -> float:
 
     A bare ground rho reflects (1 - R_s) rho (1 - r_i)/(1 - rho r_i); one evaluation of the solver with an empty
     layer gives r_i, so that a fit and its cards use the same number (0.5963 at n = 1.5).
+
+    Raises:
+        ValueError: the instrument is no integrating sphere.
     """
+    instrument.require_sphere()
     ground = 0.5
     body = _bare(ground, instrument) / (1.0 - instrument.surface)
     return float((ground - body) / (ground * (1.0 - body)))

@@ -32,7 +32,11 @@ def body_reflectance(
         ground: internal reflectance of the card, (...).
         instrument: geometry and refractive index.
         tolerance: of the solver.
+
+    Raises:
+        ValueError: the instrument is no integrating sphere.
     """
+    instrument.require_sphere()
     depth = absorption + scattering
     return stack_hemispherical_reflectance(
         (scattering / depth)[..., None],

@@ -16,9 +16,8 @@ from jaxtyping import ArrayLike, Float
 from scipy.special import logsumexp
 
 from glazejax import Bidirectional, Hemispherical, Pigment
-from glazejax.geometry import Geometry
+from glazejax.geometry import Geometry, resolve_instrument
 from glazejax.paint.media import MAX_THICKNESS
-from glazejax.radiative.common.fresnel import dielectric_reflectance
 
 from ..film.errors import (
     Discrepancy,
@@ -67,7 +66,7 @@ def identify_chunks(
             for each spectrum, (spectra, grounds, bands). None for films that hide their ground; their thickness is then
             unknown.
         instrument: by default d:8 with the specular part, index 1.5.
-        geometry: instead of the instrument's, such as `glazejax.Bidirectional(45, 0)` for one without a sphere.
+        geometry: replaces the instrument's, such as `glazejax.Bidirectional(45, 0)` for one without a sphere.
         noise: of a reading.
         discrepancy: of the model; see `glazefit.film.errors.Discrepancy`.
         prior: what is expected beforehand.
@@ -79,7 +78,7 @@ def identify_chunks(
     Raises:
         ValueError: shapes that do not match, values that are not reflectances, an empty catalogue, repeated names.
     """
-    instrument, noise, prior = instrument or Instrument(), noise or Noise(), prior or Prior()
+    instrument, noise, prior = resolve_instrument(instrument, geometry), noise or Noise(), prior or Prior()
     discrepancy = discrepancy or Discrepancy()
     if max_paints not in (1, 2, 3):
         raise ValueError(f"max_paints is {max_paints}; sets of 1, 2 or 3 paints can be tried")
@@ -87,18 +86,17 @@ def identify_chunks(
         raise ValueError(f"layers is {layers}; one coat or two can be tried")
     if layers == 2 and grounds is None:
         raise ValueError("two coats need to know the ground; an opaque film shows its top coat only: use layers=1")
-    seen_by = instrument.geometry if geometry is None else geometry
     measured = check_spectra(spectra, wavelengths, grounds, names)
     known = check_pigments(pigments, measured.wavelengths)
     if grounds is None:
         prior = _opaque(prior, known)
     task = Task(
-        film_response(seen_by, instrument.refractive_index),
+        film_response(instrument.geometry, instrument.refractive_index),
         _paints(known, prior.thickness),
         relative_errors(known, discrepancy),
         measured.wavelengths,
-        _optics(seen_by, instrument.refractive_index),
-        instrument.surface if seen_by.specular else 0.0,
+        _optics(instrument),
+        instrument.seen_surface,
         noise,
         discrepancy,
         prior,
@@ -173,8 +171,12 @@ def identify(
 
 def identify_films(films: Films, pigments: Sequence[Pigment], **options: Any) -> Identification:
     """As `identify`, for films over a black and a white card that were measured bare."""
-    instrument, noise = options.get("instrument") or Instrument(), options.get("noise") or Noise()
-    black, white, _, _ = cards(films, instrument, noise)
+    instrument = resolve_instrument(options.get("instrument"), options.get("geometry"))
+    if isinstance(instrument.geometry, Hemispherical):
+        black, white, _, _ = cards(films, instrument, options.get("noise") or Noise())
+    else:
+        bare = np.stack([films.bare_black, films.bare_white])
+        black, white = ground_from_air(bare, instrument.geometry, instrument.refractive_index)
     return identify(
         np.stack([films.over_black, films.over_white], axis=1),
         films.wavelengths,
@@ -191,10 +193,11 @@ def _opaque(prior: Prior, pigments: Sequence[Pigment]) -> Prior:
     return replace(prior, thickness=min(_OPAQUE / max(float(typical), 1.0), MAX_THICKNESS), spread=0.05)
 
 
-def _optics(geometry: Geometry, index: float) -> Optics:
+def _optics(instrument: Instrument) -> Optics:
     """Plain numbers, which compiled programs can be made for."""
+    geometry = instrument.geometry
     viewing = float(np.asarray(geometry.cos_viewing)) if isinstance(geometry, Bidirectional) else None
-    return Optics(float(np.asarray(geometry.cos_incidence)), viewing, float(index))
+    return Optics(instrument.cos_incidence, viewing, float(instrument.refractive_index))
 
 
 def ground_from_air(
@@ -205,11 +208,10 @@ def ground_from_air(
     Raises:
         ValueError: a reading below the surface's reflection or above that of a perfect diffuser, by more than .01.
     """
-    geometry = geometry or Hemispherical()
-    optics = _optics(geometry, refractive_index)
-    seen = float(dielectric_reflectance(optics.cos_incidence, refractive_index)) if geometry.specular else 0.0
-    _, gain, back = film_response(geometry, refractive_index).numbers(jnp.zeros(()), jnp.zeros(()))
-    within = np.asarray(bare, dtype=np.float64) - seen
+    instrument = resolve_instrument(None, geometry, refractive_index)
+    response = film_response(instrument.geometry, instrument.refractive_index)
+    _, gain, back = response.numbers(jnp.zeros(()), jnp.zeros(()))
+    within = np.asarray(bare, dtype=np.float64) - instrument.seen_surface
     inside = within / (float(gain) + float(back) * within)
     for wrong, words in ((within < -0.01, "less than its surface alone"), (inside > 1.01, "more than white can")):
         if wrong.any():

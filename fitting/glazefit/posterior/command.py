@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
+from glazejax.commands import options, progress
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -12,7 +14,10 @@ if TYPE_CHECKING:
 
     from ..film.films import Films, Instrument, Noise
     from ..film.reading import Reading
+    from .film import FilmPrior
     from .posterior import Posterior
+
+_GEOMETRY, _PAINT_ERROR = "d:8", 0.05
 
 CHAIN, DATA, SUMMARY = "chain.h5", "posterior.nc", "summary.csv"
 CORNER, BANDS = "corner.png", "bands.png"
@@ -27,56 +32,54 @@ def posterior(
     file: Annotated[
         Path | None,
         typer.Argument(
-            help="Table of spectra: films in rows of four, NAME_b, NAME_w (bare black and white card), NAME_ob, "
+            metavar="FILE",
+            help="Table of spectra: films in rows of four, NAME_b and NAME_w (bare black and white card), NAME_ob and "
             "NAME_ow (paint over them); or any spectra, with --ground.",
             show_default=False,
         ),
     ] = None,
-    out: Annotated[
-        Path | None, typer.Option("--out", "-o", help="Folder for the results; made if missing.", show_default=False)
-    ] = None,
-    sample: Annotated[str, typer.Option(help="Which film of FILE.", show_default=False)] = "",
+    out: options.Folder = None,
+    sample: Annotated[
+        str, typer.Option(metavar="NAME", help="The film of FILE, if it holds several.", show_default=False)
+    ] = "",
     paints: Annotated[
         str,
         typer.Option(
-            help="What the film is made of, such as CobaltBlue,ZincWhite. By default as mixtures.tsv beside FILE says.",
+            metavar="NAMES",
+            help="What the film is made of, such as CobaltBlue,ZincWhite. Default: what mixtures.tsv beside FILE says.",
             show_default=False,
         ),
     ] = "",
     bands: Annotated[
-        bool, typer.Option("--bands", help="Assume no paint: k d and s d of the film at every wavelength.")
+        bool, typer.Option("--bands", help="Assume no paint: find k and s times thickness at every wavelength.")
     ] = False,
-    pigments: Annotated[
-        Path | None,
-        typer.Option(
-            help="Your own paints (pigments.csv of `glazejax recover`) instead of the catalogue's.", show_default=False
-        ),
-    ] = None,
-    ground: Annotated[
-        float | None,
-        typer.Option(help="Internal reflectance of the ground below a single spectrum, 0 to 1.", show_default=False),
-    ] = None,
-    steps: Annotated[int, typer.Option(help="Of the whole chain; 0 for Laplace's standard errors alone.")] = 5000,
-    walkers: Annotated[int, typer.Option(help="Of the ensemble; even.")] = 32,
-    thin: Annotated[int, typer.Option(help="Every how many steps one is kept.")] = 5,
-    seed: Annotated[int, typer.Option(help="Of all random numbers.")] = 0,
+    pigments: options.Pigments = None,
+    ground: Annotated[str | None, options.ground_option()] = None,
+    thickness: options.Thickness = "25um",
+    steps: Annotated[
+        int, typer.Option(help="Steps of the whole emcee chain; 0 for Laplace's standard errors alone.")
+    ] = 5000,
+    walkers: Annotated[int, typer.Option(help="Walkers of emcee's ensemble, an even number.")] = 32,
+    thin: Annotated[int, typer.Option(help="Keep every so many-th step: 5 keeps steps 5, 10, 15, ...")] = 5,
+    seed: options.Seed = 0,
     resume: Annotated[
         bool, typer.Option("--resume", help="Go on with the chain in the folder until it has --steps steps.")
     ] = False,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Start anew in a folder that is not empty.")] = False,
-    model_error: Annotated[
-        float, typer.Option(help="Expected relative error of the paints' k and s; its true size is sampled.")
-    ] = 0.05,
-    noise: Annotated[float, typer.Option(help="Standard deviation of a reading near black.")] = 0.0005,
-    noise_share: Annotated[float, typer.Option(help="What is added to it for each unit of reflectance.")] = 0.002,
-    incidence: Annotated[float, typer.Option(help="Angle at the sphere, degrees (8 for d:8 or 8:d).")] = 8.0,
-    refractive_index: Annotated[float, typer.Option(help="Of the paint and of the cards' surface.")] = 1.5,
-    specular: Annotated[
-        bool, typer.Option("--specular/--no-specular", help="Whether the sphere includes the specular part.")
-    ] = True,
+    paint_error: Annotated[
+        float,
+        typer.Option(help="Error expected of the paints' k and s, as a share of them; its true size is estimated too."),
+    ] = _PAINT_ERROR,
+    noise: options.Noise = 0.0005,
+    noise_share: options.NoiseShare = 0.002,
+    geometry: Annotated[str | None, options.geometry_option(_GEOMETRY)] = None,
+    refractive_index: options.RefractiveIndex = 1.5,
     simulate: Annotated[
-        bool, typer.Option("--simulate", help="Measure nothing: simulate a film of equal parts of --paints, 25 µm.")
+        bool, typer.Option("--simulate", help="Try it without data: simulate a film of equal parts of --paints.")
     ] = False,
+    model_error: Annotated[float | None, typer.Option(hidden=True)] = None,
+    incidence: options.OldIncidence = None,
+    specular: options.OldSpecular = None,
 ) -> None:
     """How well a film is known: posterior of its paints and thickness, or of k and s band by band.
 
@@ -88,35 +91,44 @@ def posterior(
 
     Try it without data: glazejax posterior --simulate --paints CobaltBlue,ZincWhite --out demo
     """
-    _check(file, out, sample, paints, bands, simulate, ground)
-    assert out is not None
-    _check_folder(out, resume, overwrite)
+    _check(file, sample, paints, bands, simulate, ground)
+    folder = _check_folder(out, resume, overwrite)
+    usual = options.read_length(thickness)
+    seen_by = options.read_geometry(geometry, _GEOMETRY, incidence=incidence, specular=specular)
+    if model_error is not None:
+        if paint_error != _PAINT_ERROR:
+            raise ValueError(f"--paint-error {paint_error:g} says how wrong the paints are: leave out --model-error")
+        paint_error = model_error
+        options.renamed(f"--model-error {model_error:g}", f"--paint-error {model_error:g}")
 
     from rich.console import Console
 
-    from glazejax import Hemispherical
     from glazejax.commands.main import start_jax
 
     from ..film.films import Instrument, Noise
+    from .film import FilmPrior
 
     start_jax()
     console = Console(highlight=False)
-    instrument = Instrument(Hemispherical(incidence, specular), refractive_index)
+    instrument = Instrument(seen_by, refractive_index)
     errors = Noise(noise, noise_share)
+    names = options.listed(paints)
     task = (
-        _simulated(_listed(paints), instrument, errors, seed, console)
+        _simulated(names, pigments, usual, instrument, errors, seed, console)
         if simulate
-        else _measured(file, sample, _listed(paints), bands, pigments, ground, errors, console)
+        else _measured(file, sample, names, bands, pigments, ground, errors, console)
     )
-    options = {"steps": steps, "walkers": walkers, "thin": thin, "seed": seed, "resume": resume}
-    result = _run(task, bands, model_error, instrument, errors, out, overwrite, options)
-    _write(result, out, console)
+    prior = None if bands else FilmPrior(thickness=usual, error=paint_error)
+    chain = {"steps": steps, "walkers": walkers, "thin": thin, "seed": seed, "resume": resume, "overwrite": overwrite}
+    result = _run(task, prior, folder, {"instrument": instrument, "noise": errors, **chain})
+    _write(result, folder, console)
     if result.chain is not None and result.chain.interrupted:
+        kept = result.chain.free.shape[0] * thin
         console.print(
-            f"[yellow]Interrupted: {result.chain.free.shape[0] * thin} of {steps} steps are kept in {out / CHAIN}. To "
-            "go on, give the same command with --resume (and without --overwrite).[/yellow]"
+            f"[yellow]Interrupted: {kept} of {steps} steps are kept in {folder / CHAIN}. To go on, give the same "
+            "command with --resume (and without --overwrite).[/yellow]"
         )
-        raise typer.Exit(130)
+        raise typer.Exit(progress.INTERRUPTED)
     if result.chain is not None and not result.converged:
         console.print("To lengthen the chain, give the same command with --resume and more --steps.")
 
@@ -128,9 +140,7 @@ class _Task(NamedTuple):
     paints: "list[Pigment]"
 
 
-def _check(
-    file: Path | None, out: Path | None, sample: str, paints: str, bands: bool, simulate: bool, ground: float | None
-) -> None:
+def _check(file: Path | None, sample: str, paints: str, bands: bool, simulate: bool, ground: str | None) -> None:
     if simulate and file is not None:
         raise ValueError(f"--simulate needs no data; leave out {file}, or leave out --simulate")
     if simulate and not paints:
@@ -143,43 +153,44 @@ def _check(
         raise ValueError("no FILE was given; name a table of spectra, such as films.tsv, or try --simulate")
     if not simulate and bands and paints:
         raise ValueError("--bands assumes no paint; leave out --paints, or leave out --bands")
-    if ground is not None and not 0 <= ground <= 1:
-        raise ValueError(f"--ground is {ground:g}; an internal reflectance lies between 0 and 1, such as 0.93")
-    if out is None:
-        raise ValueError("say where the results go: --out FOLDER")
 
 
-def _check_folder(out: Path, resume: bool, overwrite: bool) -> None:
+def _check_folder(out: Path | None, resume: bool, overwrite: bool) -> Path:
     if resume and overwrite:
         raise ValueError("--resume goes on with a chain and --overwrite throws it away; choose one")
-    if out.exists() and not out.is_dir():
-        raise FileExistsError(f"--out {out} is a file; name a folder")
-    if resume and not (out / CHAIN).is_file():
-        raise FileNotFoundError(f"{out / CHAIN}: there is no chain to resume; leave out --resume to start one")
-    if out.is_dir() and any(out.iterdir()) and not (resume or overwrite):
-        more = ", go on with its chain by --resume" if (out / CHAIN).is_file() else ""
-        raise FileExistsError(f"the folder {out} exists and is not empty; choose another{more}, or add --overwrite")
+    old = out is not None and (out / CHAIN).is_file()
+    folder = options.check_folder(out, resume or overwrite, instead=", go on with its chain by --resume" if old else "")
+    if resume and not old:
+        raise FileNotFoundError(f"{folder / CHAIN}: there is no chain to resume; leave out --resume to start one")
+    return folder
 
 
-def _listed(text: str) -> list[str]:
-    return [name.strip() for name in text.split(",") if name.strip()]
-
-
-def _simulated(names: list[str], instrument: "Instrument", noise: "Noise", seed: int, console: "Console") -> _Task:
+def _simulated(
+    names: list[str],
+    pigments: Path | None,
+    thickness: float,
+    instrument: "Instrument",
+    noise: "Noise",
+    seed: int,
+    console: "Console",
+) -> _Task:
     import numpy as np
+
+    from glazejax.paint.describe import format_length
 
     from ..film.simulate import simulate_films
 
-    paints = _paints(names, None)
+    paints = _paints(names, pigments)
     k, s = (
-        25e-6 * np.mean([np.asarray(getattr(p, what)) for p in paints], axis=0) for what in ("absorption", "scattering")
+        thickness * np.mean([np.asarray(getattr(p, what)) for p in paints], axis=0)
+        for what in ("absorption", "scattering")
     )
     film = simulate_films(
         ["simulated"], paints[0].wavelengths, k[None], s[None], instrument=instrument, noise=noise, seed=seed
     )
     console.print(
-        f"[bold]Simulated data:[/bold] equal parts of {', '.join(p.name for p in paints)}, 25 µm thick, with "
-        f"made-up noise (seed {seed}). Nothing here was measured."
+        f"[bold]Simulated data:[/bold] equal parts of {', '.join(p.name for p in paints)}, {format_length(thickness)} "
+        f"thick, with made-up noise (seed {seed}). Nothing here was measured."
     )
     return _Task(film, paints)
 
@@ -190,7 +201,7 @@ def _measured(
     names: list[str],
     bands: bool,
     pigments: Path | None,
-    ground: float | None,
+    ground: str | None,
     noise: "Noise",
     console: "Console",
 ) -> _Task:
@@ -206,30 +217,27 @@ def _film(file: Path, sample: str, console: "Console") -> "Films":
     from ..film.readers import read_films
 
     films = read_films(file)
-    for note in films.notes:
-        console.print(f"[dim]{file}: {note}[/dim]")
+    progress.print_notes(console, file, films.notes)
     if not sample and len(films) != 1:
         known = ", ".join(films.names[:8]) + (f" and {len(films) - 8} more" if len(films) > 8 else "")
         raise ValueError(f"{file} holds {len(films)} films; choose one with --sample: {known}")
     return films.select([sample] if sample else films.names)
 
 
-def _spectrum(file: Path, sample: str, ground: float, noise: "Noise", console: "Console") -> "Reading":
+def _spectrum(file: Path, sample: str, ground: str, noise: "Noise", console: "Console") -> "Reading":
     from glazejax.io import read_spectra
 
-    from ..film.films import nearest
     from ..film.reading import over_ground
 
+    below = options.read_ground(ground)
     table = read_spectra(file)
-    for note in table.notes:
-        console.print(f"[dim]{file}: {note}[/dim]")
-    names = list(table.names)
-    if not sample and len(names) > 1:
-        raise ValueError(f"{file} holds {len(names)} spectra; choose one with --sample")
-    name = sample or names[0]
-    if name not in names:
-        raise ValueError(f"unknown sample {name!r}; {nearest(name, names)}")
-    return over_ground(table.wavelengths, table.reflectance[names.index(name)], ground, noise=noise, name=name)
+    progress.print_notes(console, file, table.notes)
+    progress.print_notes(console, "--ground", below.notes)
+    if not sample and len(table) > 1:
+        raise ValueError(f"{file} holds {len(table)} spectra; choose one with --sample")
+    (row,) = options.choose_rows(file, table.names, [sample or table.names[0]], "--sample")
+    under = below.on(table.wavelengths)
+    return over_ground(table.wavelengths, table.reflectance[row], under, noise=noise, name=table.names[row])
 
 
 def _recipe(file: Path, sample: str) -> list[str]:
@@ -247,36 +255,24 @@ def _recipe(file: Path, sample: str) -> list[str]:
 
 
 def _paints(names: list[str], pigments: Path | None) -> "list[Pigment]":
-    from glazejax import catalogue
     from glazejax.paint.describe import find_name
-    from glazejax.paint.pigment_table import read_pigments
 
-    known = dict(catalogue.load()) if pigments is None else read_pigments(pigments)
-    return [known[find_name(name, known)] for name in names]
+    shelf = options.read_shelf(pigments)
+    return [shelf[find_name(name, shelf)] for name in names]
 
 
-def _run(
-    task: _Task,
-    bands: bool,
-    model_error: float,
-    instrument: "Instrument",
-    noise: "Noise",
-    out: Path,
-    overwrite: bool,
-    options: dict[str, Any],
-) -> "Posterior":
+def _run(task: _Task, prior: "FilmPrior | None", out: Path, given: dict[str, Any]) -> "Posterior":
+    """The posterior of the film's paints, or of its bands where there is no prior of paints."""
     from rich.console import Console
 
-    from .film import FilmPrior
     from .posterior import posterior_of_bands, posterior_of_film
 
     out.mkdir(parents=True, exist_ok=True)
-    common = options | {"instrument": instrument, "noise": noise, "overwrite": overwrite, "progress": True}
-    common["path"] = out / CHAIN
+    given = given | {"path": out / CHAIN, "progress": True}
     Console(stderr=True).print("[dim]Finding the mode; the first run compiles for up to a minute.[/dim]")
-    if bands:
-        return posterior_of_bands(task.film, **common)
-    return posterior_of_film(task.film, task.paints, prior=FilmPrior(error=model_error), **common)
+    if prior is None:
+        return posterior_of_bands(task.film, **given)
+    return posterior_of_film(task.film, task.paints, prior=prior, **given)
 
 
 def _write(result: "Posterior", out: Path, console: "Console") -> None:

@@ -7,15 +7,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from glazejax.commands import options, progress
+
 if TYPE_CHECKING:
     from rich.console import Console
-
-    from glazejax import Pigment
-    from glazejax.geometry import Geometry
 
     from .recipe import Recipe
     from .targets import Target
     from .task import Task
+
+
+_GEOMETRY, _GROUND, _COATS = "45:0", "0.9", "1-50um"
 
 
 def register(app: typer.Typer) -> None:
@@ -24,59 +26,86 @@ def register(app: typer.Typer) -> None:
 
 
 def recipe(
-    lab: Annotated[str | None, typer.Option(help="Colour L*,a*,b*, such as 50,20,30.", show_default=False)] = None,
-    srgb: Annotated[str | None, typer.Option(help="Colour of a screen, such as '#8a4b2d'.", show_default=False)] = None,
-    spectrum: Annotated[
-        Path | None, typer.Option(help="File of reflectance spectra; see --samples.", show_default=False)
+    lab: Annotated[
+        str | None, typer.Option(metavar="L,A,B", help="Colour L*,a*,b*, such as 50,20,30.", show_default=False)
     ] = None,
-    samples: Annotated[str, typer.Option(help="Only these spectra of the file.", show_default=False)] = "",
+    srgb: Annotated[
+        str | None, typer.Option(metavar="HEX", help="Colour of a screen, such as '#8a4b2d'.", show_default=False)
+    ] = None,
+    spectrum: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="File of measured reflectance; see --samples.", show_default=False),
+    ] = None,
+    samples: options.Samples = "",
     colourchecker: Annotated[
         bool, typer.Option("--colourchecker", help="The 24 measured patches of a ColorChecker chart.")
     ] = False,
     patch: Annotated[
-        str, typer.Option(help="Only these patches, such as 'blue sky,dark skin'.", show_default=False)
+        str,
+        typer.Option(
+            metavar="NAMES", help="Only these patches of the chart, such as 'blue sky,dark skin'.", show_default=False
+        ),
     ] = "",
     illuminants: Annotated[
-        str, typer.Option(help="Match under all of these: D65,A,FL11. Default: D65; --lab is under the first.")
+        str,
+        typer.Option(
+            metavar="NAMES",
+            help="Lights of the match, by CIE, such as D65,A,FL11: it holds under all of them. --lab is the colour "
+            "under the first.",
+        ),
     ] = "D65",
-    test_illuminant: Annotated[str, typer.Option(help="Light for the test of metamerism.")] = "A",
-    observer: Annotated[str, typer.Option(help="Standard observer: 2 or 10 (degrees).")] = "2",
-    max_paints: Annotated[int, typer.Option(help="Most paints in a recipe, 1 to 6.")] = 3,
-    max_layers: Annotated[int, typer.Option(help="Most coats, 1 to 4.")] = 2,
-    thickness: Annotated[str, typer.Option(help="Thinnest and thickest coat, micrometres.")] = "1-50",
-    only: Annotated[
-        str, typer.Option(help="Only these paints, such as ZincWhite,CobaltBlue.", show_default=False)
-    ] = "",
-    without: Annotated[str, typer.Option(help="All but these paints.", show_default=False)] = "",
-    pigments: Annotated[
-        Path | None,
-        typer.Option(help="Your own paints: a pigments.csv as `glazejax recover` writes it.", show_default=False),
+    test_illuminant: Annotated[
+        str, typer.Option(metavar="NAME", help="One more light, under which the match is tested, not sought.")
+    ] = "A",
+    observer: options.Observer = "2",
+    max_paints: Annotated[int, typer.Option(help="Largest number of paints in a recipe, 1 to 6.")] = 3,
+    max_layers: Annotated[int, typer.Option(help="Largest number of coats, 1 to 4.")] = 2,
+    coat_thickness: Annotated[
+        str | None,
+        typer.Option(
+            metavar="RANGE",
+            help=f"Thinnest and thickest coat; bare numbers are micrometres. Default: {_COATS}.",
+            show_default=False,
+        ),
     ] = None,
-    ground: Annotated[float, typer.Option(help="Reflectance of the ground, seen from inside the paint.")] = 0.9,
-    refractive_index: Annotated[float, typer.Option(help="Of every coat, 1 to 2.5.")] = 1.5,
-    sphere: Annotated[
-        bool, typer.Option("--sphere", help="Seen by an integrating sphere, d:8 with the mirror reflection, not 45:0.")
-    ] = False,
+    only: options.Only = "",
+    without: Annotated[
+        str, typer.Option(metavar="NAMES", help="All paints but these, such as Vermillion.", show_default=False)
+    ] = "",
+    pigments: options.Pigments = None,
+    ground: Annotated[str | None, options.ground_option(_GROUND)] = None,
+    refractive_index: options.RefractiveIndex = 1.5,
+    geometry: Annotated[str | None, options.geometry_option(_GEOMETRY)] = None,
     metamerism: Annotated[
-        float, typer.Option(help="Delta E that a spectrum off by 0.01 (root mean square) weighs.")
+        float,
+        typer.Option(
+            help="Weight of the spectrum against the colour, where the target has one: a spectrum that is off by 0.01 "
+            "(root mean square) counts like this Delta E."
+        ),
     ] = 0.2,
-    count: Annotated[int, typer.Option(help="Most recipes for a target.")] = 5,
-    seed: Annotated[int, typer.Option(help="Of the mixtures that are tried first.")] = 0,
-    out: Annotated[Path, typer.Option(help="Picture to write: .png, .pdf, .svg or .jpg.")] = Path("recipes.png"),
-    csv: Annotated[Path | None, typer.Option(help="Also write all recipes to this table.", show_default=False)] = None,
+    count: Annotated[int, typer.Option(help="Largest number of recipes for a target.")] = 5,
+    seed: options.Seed = 0,
+    out: options.Picture = Path("recipes.png"),
+    csv: options.Csv = None,
     json: Annotated[
-        Path | None, typer.Option(help="Also write all recipes, with spectra, to this file.", show_default=False)
+        Path | None,
+        typer.Option(metavar="FILE", help="Also write all recipes, with their spectra, as JSON.", show_default=False),
     ] = None,
     spectra: Annotated[
         Path | None,
-        typer.Option(help="Also write the targets' spectra, at the paints' bands.", show_default=False),
+        typer.Option(
+            metavar="FILE", help="Also write the targets' spectra, at the paints' wavelengths.", show_default=False
+        ),
     ] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")] = False,
+    overwrite: options.Overwrite = False,
+    sphere: Annotated[bool, typer.Option("--sphere", hidden=True)] = False,
+    thickness: Annotated[str | None, typer.Option(hidden=True)] = None,
 ) -> None:
     """Recipes for a colour: which paints, in which order and how thick.
 
-    All sets of up to three paints in one coat or two are tried; the best few that differ are printed with their colour
-    difference, what 10 % of each coat's thickness changes, and how far a colour is out of reach.
+    All sets of up to three paints in one coat or two are tried. The best few
+    recipes are printed with their colour difference, with what a tenth more
+    or less of each coat changes, and with how far a colour is out of reach.
 
     Example: glazejax recipe --srgb '#8a4b2d' --max-layers 1
 
@@ -84,9 +113,11 @@ def recipe(
     """
     started = time.perf_counter()
     others = {"--csv": csv, "--json": json, "--spectra": spectra}
-    _check_outputs(out, others, overwrite)
-    lights = _listed(illuminants)
-    bounds = _bounds(thickness)
+    options.check_outputs({"--out": out} | others, overwrite)
+    lights = options.listed(illuminants)
+    bounds = _bounds(coat_thickness, thickness)
+    seen_by = options.read_geometry(geometry, _GEOMETRY, sphere="--sphere" if sphere else "")
+    base = options.read_ground(_GROUND if ground is None else ground)
     # The colours of spectra are computed in double precision too.
     from glazejax.commands.main import start_jax
 
@@ -94,18 +125,16 @@ def recipe(
     from rich.console import Console
 
     targets, notes = _targets(lab, srgb, spectrum, samples, colourchecker or bool(patch), patch, lights)
-    from glazejax import Bidirectional, Hemispherical
-
     from .task import make_task
 
     if spectra is not None and not all(target.spectral for target in targets):
         raise ValueError("--spectra: the target is a colour and has no spectrum; leave it out")
-    geometry: Geometry = Hemispherical(8) if sphere else Bidirectional(45, 0)
+    paints = options.choose_paints(options.read_shelf(pigments), only, without)
     task = make_task(
         targets,
-        _shelf(pigments, only, without),
-        ground=ground,
-        geometry=geometry,
+        paints,
+        ground=base.on(paints[0].wavelengths),
+        geometry=seen_by,
         refractive_index=refractive_index,
         illuminants=lights,
         test_illuminant=test_illuminant,
@@ -119,47 +148,30 @@ def recipe(
         seed=seed,
     )
     console = Console(highlight=False)
-    for note in notes:
-        console.print(f"[dim]{note}[/dim]")
-    found, interrupted = _search(task)
+    for file, words in ((spectrum, notes), ("--ground", base.notes)):
+        progress.print_notes(console, str(file), words)
+    from .recipe import recipe_chunks
+
+    groups, how = progress.collect(recipe_chunks(task), len(targets), "looking through all sets of paints", "recipes")
+    found = [recipes for group in groups for recipes in group]
     seconds = time.perf_counter() - started
     _write(found, task, out, others, overwrite)
     _print(found, task, seconds, console)
     files = ", ".join(str(path) for path in (out, *others.values()) if path is not None)
     console.print(f"wrote {files}", markup=False)
-    if interrupted:
-        console.print(
-            f"[yellow]Interrupted: {len(found)} of {len(targets)} targets were finished and written.[/yellow]"
-        )
-        raise typer.Exit(130)
+    if how.interrupted:
+        progress.stop_interrupted(console, len(found), len(targets), "targets")
 
 
-def _listed(text: str) -> list[str]:
-    return [name.strip() for name in text.split(",") if name.strip()]
-
-
-def _check_outputs(out: Path, others: Mapping[str, Path | None], overwrite: bool) -> None:
-    from glazejax.io.outputs import check_output
-    from glazejax.plots import check_picture
-
-    check_picture(out, overwrite=overwrite)
-    taken = {out.resolve(): "--out"}
-    for option, path in others.items():
-        if path is None:
-            continue
-        check_output(path, overwrite=overwrite, argument=option)
-        if path.resolve() in taken:
-            raise ValueError(f"{taken[path.resolve()]} and {option} are the same file: give them different names")
-        taken[path.resolve()] = option
-
-
-def _bounds(text: str) -> tuple[float, float]:
-    """Thinnest and thickest coat in m."""
-    low, dash, high = text.strip().lower().removesuffix("um").removesuffix("µm").partition("-")
-    try:
-        return float(low.removesuffix("um").removesuffix("µm")) * 1e-6, float(high if dash else low) * 1e-6
-    except ValueError:
-        raise ValueError(f"--thickness is {text!r}: write two numbers of micrometres, such as 1-50") from None
+def _bounds(coats: str | None, old: str | None) -> tuple[float, float]:
+    """Thinnest and thickest coat in m, of --coat-thickness or of --thickness, its old name."""
+    if old is None:
+        return options.read_lengths(_COATS if coats is None else coats, "--coat-thickness")
+    if coats is not None:
+        raise ValueError(f"--coat-thickness {coats} says how thick coats may be: leave out --thickness")
+    bounds = options.read_lengths(old, "--thickness")
+    options.renamed(f"--thickness {old}", f"--coat-thickness {old}")
+    return bounds
 
 
 def _targets(
@@ -191,55 +203,14 @@ def _targets(
     if srgb is not None:
         return [srgb_target(srgb)], []
     if chart:
-        return colourchecker_targets(_listed(patch)), []
+        return colourchecker_targets(options.listed(patch)), []
     from glazejax.io import read_spectra
 
     assert spectrum is not None
     table = read_spectra(spectrum)
-    names = _listed(samples) or list(table.names)
-    for name in names:
-        if name not in table.names:
-            some = ", ".join(table.names[:6])
-            raise ValueError(f"{spectrum} holds no spectrum {name!r}; there are {len(table.names)}: {some}")
-    targets = [spectral_target(name, table.wavelengths, table[name]) for name in names]
-    return targets, [f"{spectrum}: {note}" for note in table.notes]
-
-
-def _shelf(path: Path | None, only: str, without: str) -> "list[Pigment]":
-    """The paints that may be used."""
-    from glazejax import catalogue
-    from glazejax.paint.describe import find_name
-    from glazejax.paint.pigment_table import read_pigments
-
-    shelf = catalogue.load() if path is None else read_pigments(path)
-    chosen = [find_name(name, shelf) for name in _listed(only)] or list(shelf)
-    left_out = {find_name(name, shelf) for name in _listed(without)}
-    kept = [shelf[name] for name in dict.fromkeys(chosen) if name not in left_out]
-    if not kept:
-        raise ValueError("--only and --without leave no paint: name fewer in --without")
-    return kept
-
-
-def _search(task: "Task") -> "tuple[list[list[Recipe]], bool]":
-    """Search with a progress bar; an interrupt keeps what is finished."""
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-
-    from .recipe import recipe_chunks
-
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    found: list[list[Recipe]] = []
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
-        bar = progress.add_task("looking through all sets of paints", total=len(task.targets))
-        try:
-            for group in recipe_chunks(task):
-                found += group
-                progress.update(bar, completed=len(found), description="recipes")
-        except KeyboardInterrupt:
-            if not found:
-                raise
-            return found, True
-    return found, False
+    rows = options.choose_rows(spectrum, table.names, options.listed(samples))
+    targets = [spectral_target(table.names[row], table.wavelengths, table.reflectance[row]) for row in rows]
+    return targets, list(table.notes)
 
 
 def _write(
@@ -269,12 +240,8 @@ def _write(
 
 
 def _seen(task: "Task") -> str:
-    from glazejax import Hemispherical
-
-    sphere = isinstance(task.geometry, Hemispherical)
-    how = "sphere d:8, mirror reflection included" if sphere else "light at 45°, view at 0°"
     eye = task.observer.replace(" Degree Standard Observer", "° observer")
-    return f"{', '.join(task.illuminants)}, {eye}, {how}"
+    return f"{', '.join(task.illuminants)}, {eye}, {task.geometry.describe()}"
 
 
 def _print(found: "list[list[Recipe]]", task: "Task", seconds: float, console: "Console") -> None:

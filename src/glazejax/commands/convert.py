@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from . import options
+
 if TYPE_CHECKING:
     from ..io import SpectraTable
 
@@ -24,7 +26,8 @@ def convert(
         Path,
         typer.Argument(
             metavar="IN",
-            help="CSV, TSV, ENVI (.hdr or its data), CGATS, CxF3, JCAMP-DX, ASD, JSON; the content tells which.",
+            help="File of spectra: CSV, TSV, ENVI (.hdr or its data), CGATS, CxF3, JCAMP-DX, ASD or JSON; the content "
+            "tells which.",
         ),
     ],
     target: Annotated[
@@ -32,19 +35,22 @@ def convert(
         typer.Argument(metavar="OUT", help="File to write: .csv, .tsv, .cxf (CxF3), .hdr (ENVI library, with .sli)."),
     ],
     to: Annotated[
-        str | None, typer.Option(help="Format of OUT whatever its name: csv, cxf or envi.", show_default=False)
+        str | None, typer.Option(help="Format of OUT, whatever its name: csv, cxf or envi.", show_default=False)
     ] = None,
     resample: Annotated[
         str | None,
-        typer.Option(help="New wavelengths in nm, FROM:TO:STEP, such as 400:700:10.", show_default=False),
+        typer.Option(help="Wavelengths of OUT in nm, FROM:TO:STEP, such as 400:700:10.", show_default=False),
     ] = None,
-    long: Annotated[bool, typer.Option("--long", help="CSV with a sample a column; default: a sample a row.")] = False,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")] = False,
+    long: Annotated[bool, typer.Option("--long", help="Write a column for each sample, not a row (CSV, TSV).")] = False,
+    overwrite: options.Overwrite = False,
 ) -> None:
-    """Convert measured spectra: read IN, say what it is, and write OUT as fractions.
+    """Convert measured spectra: read IN, say what it is, and write OUT.
 
-    Whether values are fractions or percent is read or detected, and said. Spectra are resampled by interpolation,
-    never beyond their range.
+    Reflectance is written as fractions, 0 to 1. Whether IN holds
+    fractions or percent is read or detected, and said. Spectra are
+    resampled by interpolation, never beyond their range.
+
+    Example: glazejax convert chart.cxf chart.csv --resample 400:700:10
     """
     from ..io import read_spectra, write_spectra
     from ..io import resample as resample_table

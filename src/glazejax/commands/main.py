@@ -6,23 +6,17 @@ inverse one. Heavy imports belong inside the commands that need them.
 
 import os
 import sys
-from importlib.metadata import entry_points
+from importlib.metadata import entry_points, version
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NoReturn
 
-import typer
+from ..extras import advice
 
-app = typer.Typer(
-    name="glazejax",
-    help="Colour of stacked paint glazes: from pigments to reflectance, and back.",
-    no_args_is_help=True,
-    add_completion=False,
-    pretty_exceptions_enable=False,
-)
+if TYPE_CHECKING:
+    import typer
 
-
-@app.callback()
-def _root() -> None:
-    """Colour of stacked paint glazes: from pigments to reflectance, and back."""
+# What a shell reports of a wrong command line, and of a program stopped from the keyboard.
+_WRONG, _INTERRUPTED = 2, 130
 
 
 def start_jax() -> None:
@@ -41,12 +35,71 @@ def start_jax() -> None:
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
 
 
-def main() -> None:
-    """Entry point: run a sub-command; what the user can mend ends as one line and exit status 2."""
+def make_app() -> "typer.Typer":
+    """The application with all its sub-commands.
+
+    Raises:
+        ModuleNotFoundError: typer is not installed.
+    """
+    import typer
+
+    app = typer.Typer(
+        name="glazejax",
+        help="Colour of stacked paint glazes: from pigments to reflectance, and back.",
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+    )
+
+    def tell_version(wanted: bool) -> None:
+        if wanted:
+            typer.echo(f"glazejax {version('glazejax')}")
+            raise typer.Exit
+
+    shown = typer.Option("--version", callback=tell_version, is_eager=True, help="Show the version and exit.")
+
+    @app.callback()
+    def _(asked: Annotated[bool, shown] = False) -> None:
+        """Colour of stacked paint glazes: from pigments to reflectance, and back."""
+
     for point in sorted(entry_points(group="glazejax.commands"), key=lambda p: p.name):
         point.load()(app)
+    return app
+
+
+def main() -> None:
+    """Entry point: run a sub-command; what the user can mend ends as one line and exit status 2."""
     try:
-        app()
+        app = make_app()
+        _run(app)
+    except ModuleNotFoundError as error:
+        if (words := advice(error.name)) is None:
+            raise
+        _stop(words)
     except (ValueError, FileNotFoundError, FileExistsError, IsADirectoryError, PermissionError) as error:
-        typer.echo(f"error: {error}", err=True)
-        sys.exit(2)
+        _stop(str(error))
+
+
+def _run(app: "typer.Typer") -> NoReturn:
+    """Run what the command line asks for; a wrong option is one line too, not typer's box."""
+    import typer
+
+    # typer names the family of these errors in no version's public part.
+    usage_error: type[Exception] = typer.BadParameter.__bases__[0]
+    try:
+        status = app(standalone_mode=False)
+    except typer.Abort:
+        sys.exit(_INTERRUPTED)
+    except usage_error as error:
+        words = error.format_message()  # type: ignore[attr-defined]
+        if type(error).__name__ == "NoArgsIsHelpError":
+            typer.echo(words)
+            sys.exit(_WRONG)
+        told = error.ctx.command_path if getattr(error, "ctx", None) else "glazejax"  # type: ignore[attr-defined]
+        _stop(f"{words[:1].lower()}{words[1:].rstrip('.')}; {told} --help lists all options")
+    sys.exit(status or 0)
+
+
+def _stop(words: str) -> NoReturn:
+    print(f"error: {words}", file=sys.stderr)
+    sys.exit(_WRONG)

@@ -7,13 +7,17 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
+from . import options
+
 if TYPE_CHECKING:
     import numpy as np
     from jaxtyping import Float
 
-    from ..geometry import Geometry
     from ..paint.describe import Coat
     from ..paint.media import Mixture, Pigment
+
+
+_GEOMETRY, _GROUND = "0:0", "0.9"
 
 
 def register(app: typer.Typer) -> None:
@@ -31,40 +35,14 @@ def render(
             show_default=False,
         ),
     ] = None,
-    substrate: Annotated[
-        str,
-        typer.Option(help="Ground below: its reflectance, 0 to 1, or a table of spectra FILE.csv, FILE.csv:SAMPLE."),
-    ] = "0.9",
-    refractive_index: Annotated[float, typer.Option(help="Of every layer, 1 to 2.5.")] = 1.5,
-    incidence: Annotated[
-        float | None,
-        typer.Option(
-            help="Angle of the light from the normal, degrees. Default: 0, or 8 with --hemispherical.",
-            show_default=False,
-        ),
-    ] = None,
-    viewing: Annotated[
-        float | None,
-        typer.Option(help="Angle of the view from the normal, degrees. Default: 0.", show_default=False),
-    ] = None,
-    hemispherical: Annotated[
-        bool, typer.Option("--hemispherical", help="An integrating sphere collects all light, instead of one view.")
-    ] = False,
-    specular: Annotated[
-        bool | None,
-        typer.Option(
-            "--specular/--no-specular",
-            help="Mirror reflection of the surface included. Default: with --hemispherical only.",
-            show_default=False,
-        ),
-    ] = None,
-    illuminant: Annotated[
-        str, typer.Option(help="CIE illuminant of the colours: D65, D50, A, FL2, LED-B3, ...")
-    ] = "D65",
-    observer: Annotated[str, typer.Option(help="Standard observer of the colours: 2 or 10 (degrees).")] = "2",
-    out: Annotated[Path, typer.Option(help="Picture to write: .png, .pdf, .svg or .jpg.")] = Path("glaze.png"),
-    csv: Annotated[Path | None, typer.Option(help="Also write the spectra to this table.", show_default=False)] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")] = False,
+    ground: Annotated[str | None, options.ground_option(_GROUND)] = None,
+    refractive_index: options.RefractiveIndex = 1.5,
+    geometry: Annotated[str | None, options.geometry_option(_GEOMETRY)] = None,
+    illuminant: options.Illuminant = "D65",
+    observer: options.Observer = "2",
+    out: options.Picture = Path("glaze.png"),
+    csv: options.Csv = None,
+    overwrite: options.Overwrite = False,
     ladder: Annotated[
         str | None,
         typer.Option(help="Paint of the layer that the ladder repeats. Default: the top layer.", show_default=False),
@@ -72,19 +50,25 @@ def render(
     pigments: Annotated[
         Path | None,
         typer.Option(
-            help="Your own pigments: a pigments.csv as `glazejax recover` writes it. Its names come before those "
-            "of the catalogue.",
+            metavar="FILE",
+            help="Your own paints beside the catalogue's: a pigments.csv as `glazejax recover` writes it. Where both "
+            "have a name, yours counts.",
             show_default=False,
         ),
     ] = None,
-    tolerance: Annotated[float, typer.Option(help="Absolute error wanted in reflectance.")] = 1e-6,
-    list_pigments: Annotated[bool, typer.Option("--list", help="List the pigments there are, and stop.")] = False,
+    tolerance: Annotated[float, typer.Option(help="Largest error of a reflectance that you accept.")] = 1e-6,
+    list_pigments: Annotated[bool, typer.Option("--list", help="List the paints there are, and stop.")] = False,
+    substrate: Annotated[str | None, typer.Option(hidden=True)] = None,
+    hemispherical: Annotated[bool, typer.Option("--hemispherical", hidden=True)] = False,
+    incidence: options.OldIncidence = None,
+    viewing: Annotated[float | None, typer.Option(hidden=True)] = None,
+    specular: options.OldSpecular = None,
 ) -> None:
     """Colour of a glaze: reflectance, XYZ, Lab and sRGB, and a picture.
 
     The picture shows the spectrum, a swatch, and a ladder: the colour of
     1 to 40 coats of one layer as computed here, beside what "multiply"
-    layers of digital painting and plain mixing would give.
+    layers of digital painting and stirred paint would give.
 
     Example: glazejax render --layers "CobaltBlue:1um, ChromeYellow:10um"
     """
@@ -103,12 +87,15 @@ def render(
         )
     # Everything that can be wrong is looked at before anything is computed.
     coats = parse_layers(layers)
-    from ..plots import check_picture
-
-    check_picture(out, overwrite=overwrite)
-    if csv is not None:
-        _check_table(csv, out, overwrite)
-    geometry, seen = _geometry(incidence, viewing, hemispherical, specular)
+    options.check_outputs({"--out": out, "--csv": csv}, overwrite)
+    seen_by = options.read_geometry(
+        geometry,
+        _GEOMETRY,
+        sphere="--hemispherical" if hemispherical else "",
+        incidence=incidence,
+        viewing=viewing,
+        specular=specular,
+    )
     from ..colour import find_illuminant, find_observer
 
     illuminant, observer = find_illuminant(illuminant), find_observer(observer)
@@ -118,7 +105,7 @@ def render(
     shelf = _shelf(pigments, [name for coat in coats for _, name in coat.parts])
     coats = name_paints(coats, shelf)
     repeated = _repeated(coats, ladder)
-    bed = _ground(substrate, make_media(coats, shelf))
+    bed = _lay(_read_ground(ground, substrate), make_media(coats, shelf))
 
     from ..paint.media import Glaze, Layer
     from . import render_report as report
@@ -133,7 +120,7 @@ def render(
     solving = time.perf_counter()
     rendering = compute(
         glaze,
-        geometry,
+        seen_by,
         layer=repeated,
         coat=coats[repeated].thickness,
         illuminant=illuminant,
@@ -141,6 +128,7 @@ def render(
         tolerance=tolerance,
     )
     solved = time.perf_counter() - solving
+    seen = seen_by.describe()
     scene = report.Scene(coats, bed.words, refractive_index, seen, illuminant, observer)
     coat = coats[repeated]
     present = [f"{coat.name} {coat.size}" for coat in coats if coat.total > 0]
@@ -175,14 +163,6 @@ def render(
     console.print(f"wrote {files} in {total:.1f} s ({solved:.1f} s of it computing spectra)", markup=False)
 
 
-def _check_table(csv: Path, out: Path, overwrite: bool) -> None:
-    if csv.resolve() == out.resolve():
-        raise ValueError(f"--csv and --out are both {csv}: give them different names")
-    from ..io.outputs import check_output
-
-    check_output(csv, overwrite=overwrite, argument="--csv")
-
-
 def _repeated(coats: "Sequence[Coat]", ladder: str | None) -> int:
     """Which layer the ladder repeats: the named one, else the uppermost that is there."""
     if ladder is None:
@@ -196,31 +176,6 @@ def _repeated(coats: "Sequence[Coat]", ladder: str | None) -> int:
     if coats[found[0]].total == 0:
         raise ValueError(f"--ladder {ladder!r}: this layer is 0 thick, so there is nothing to repeat")
     return found[0]
-
-
-def _geometry(
-    incidence: float | None, viewing: float | None, hemispherical: bool, specular: bool | None
-) -> "tuple[Geometry, str]":
-    """The instrument, and its description."""
-    from ..geometry import Bidirectional, Hemispherical
-
-    if hemispherical:
-        if viewing is not None:
-            raise ValueError(
-                "--viewing has no meaning with --hemispherical, which collects all directions: leave it out"
-            )
-        angle, mirror = (8.0 if incidence is None else incidence), specular is not False
-        return Hemispherical(
-            angle, mirror
-        ), f"an integrating sphere at {angle:g}°, specular {'in' if mirror else 'ex'}cluded"
-    light, view = incidence or 0.0, viewing or 0.0
-    if specular and light != view:
-        raise ValueError(
-            f"--specular: at {light:g}:{view:g} the mirror reflection is not in view; use equal angles, or "
-            "--hemispherical"
-        )
-    mirrored = "mirror reflection included" if specular else "no mirror reflection"
-    return Bidirectional(light, view, bool(specular)), f"light at {light:g}°, view at {view:g}°, {mirrored}"
 
 
 def _shelf(path: Path | None, names: Sequence[str] = ()) -> "Mapping[str, Pigment]":
@@ -258,27 +213,25 @@ class _Bed(NamedTuple):
     notes: list[str]
 
 
-def _ground(text: str, media: "list[Pigment | Mixture]") -> _Bed:
-    """Read --substrate and bring everything to the wavelengths that all of it covers."""
-    import numpy as np
+def _read_ground(ground: str | None, substrate: str | None) -> options.Ground:
+    """The ground of --ground, or of --substrate, its old name."""
+    if substrate is None:
+        return options.read_ground(_GROUND if ground is None else ground)
+    if ground is not None:
+        raise ValueError(f"--ground {ground} says what the ground is: leave out --substrate")
+    found = options.read_ground(substrate, "--substrate")
+    options.renamed(f"--substrate {substrate}", f"--ground {substrate}")
+    return found
 
-    from ..spectra import describe_grid, resample, same_grid
 
-    notes: list[str] = []
-    try:
-        level = float(text)
-    except ValueError:
-        level = None
+def _lay(ground: options.Ground, media: "list[Pigment | Mixture]") -> _Bed:
+    """Bring the ground and everything on it to the wavelengths that all of it covers."""
+    from ..spectra import describe_grid, same_grid
+
+    notes = list(ground.notes)
     grids = [medium.wavelengths for medium in media]
-    spectrum = None
-    if level is not None:
-        if not 0 <= level <= 1:
-            fix = f", which looks like percent: write {level / 100:g}" if 1 < level <= 100 else ""
-            raise ValueError(f"--substrate is {text}; reflectance lies between 0 and 1{fix}")
-        words = f"reflectance {level:g}"
-    else:
-        wavelengths, spectrum, words, notes = _read_ground(text)
-        grids.append(wavelengths)
+    if ground.wavelengths is not None:
+        grids.append(ground.wavelengths)
     low, high = max(g[0] for g in grids), min(g[-1] for g in grids)
     grid = grids[0][(grids[0] >= low - 1e-6) & (grids[0] <= high + 1e-6)]
     if grid.size == 0:
@@ -286,29 +239,7 @@ def _ground(text: str, media: "list[Pigment | Mixture]") -> _Bed:
     if not all(same_grid(grid, other) for other in grids):
         notes.append(f"pigments and ground differ in wavelengths; everything is computed at {describe_grid(grid)}")
         media = [m if same_grid(grid, m.wavelengths) else m.resample(grid) for m in media]
-    if spectrum is None:
-        assert level is not None
-        return _Bed(media, level, words, notes)
-    return _Bed(media, np.asarray(resample(grids[-1], spectrum, grid)), words, notes)
-
-
-def _read_ground(text: str) -> "tuple[np.ndarray, np.ndarray, str, list[str]]":
-    """Wavelengths, reflectance, words and notes of a ground in a file."""
-    from ..io import read_sample
-    from ..io.sample import split_sample
-
-    path, _ = split_sample(text)
-    table = read_sample(text, argument="--substrate")
-    sample, spectrum = table.names[0], table.reflectance[0]
-    if spectrum.max() > 1:
-        worst = int(spectrum.argmax())
-        raise ValueError(
-            f"{path}: {sample!r} reflects {spectrum[worst]:.3g} at {table.wavelengths[worst]:g} nm; a ground "
-            "reflects 1 at most: scale the spectrum"
-        )
-    notes = [f"{path}: {note}" for note in table.notes]
-    notes.append("the ground's spectrum is taken as its reflectance seen from inside the paint, not from air")
-    return table.wavelengths, spectrum, f"{sample} ({path.name}, mean {spectrum.mean():.2f})", notes
+    return _Bed(media, ground.on(grid), ground.words, notes)
 
 
 def _remarks(used: "Mapping[str, Pigment]") -> list[tuple[str, str]]:

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from . import options
+from .progress import INTERRUPTED
+
 if TYPE_CHECKING:
     from ..appearance.scene.file import SceneFile
     from ..appearance.scene.render import Rendered
-
-# What a shell reports of a program stopped from the keyboard.
-_INTERRUPTED = 130
 
 
 def register(app: typer.Typer) -> None:
@@ -21,23 +21,28 @@ def register(app: typer.Typer) -> None:
 
 def scene(
     file: Annotated[Path | None, typer.Argument(metavar="FILE", help="Scene file (TOML).", show_default=False)] = None,
-    out: Annotated[Path, typer.Option("--out", "-o", help="Picture to write, .png.")] = Path("scene.png"),
+    out: Annotated[Path, typer.Option("--out", "-o", metavar="FILE", help="Picture to write: .png.")] = Path(
+        "scene.png"
+    ),
     spectral: Annotated[
         Path | None,
         typer.Option(help="Also write the spectrum of every pixel: .npz or .exr (OpenEXR).", show_default=False),
     ] = None,
     size: Annotated[
         str | None,
-        typer.Option(help="Pixels instead of the file's, such as 160x120 for a quick look.", show_default=False),
+        typer.Option(
+            help="WIDTHxHEIGHT in pixels instead of the file's: 160x120 for a quick look.", show_default=False
+        ),
     ] = None,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")] = False,
+    overwrite: options.Overwrite = False,
     example: Annotated[bool, typer.Option("--example", help="Print a scene file to start from, and stop.")] = False,
 ) -> None:
-    """A picture of glazed things under lamps, computed band by band.
+    """A picture of glazed things under lamps, computed wavelength by wavelength.
 
-    Glazes are those of `glazejax render`, seen from every angle; there are
-    plain and shiny paints, metals, thickness maps, shadows and mirror
-    reflections. Ctrl-C keeps what is done: a picture with grey where it is not.
+    FILE describes shapes, lamps, a camera and materials: glazes as in
+    `glazejax render`, plain and shiny paints, metals, thickness maps.
+    Shadows and mirror reflections are computed. Ctrl-C keeps what is
+    finished; the rest of the picture stays grey.
 
     Example: glazejax scene --example > scene.toml
              glazejax scene scene.toml -o scene.png
@@ -63,7 +68,7 @@ def scene(
     rendered = _render(found, spectral is not None)
     if rendered.done == 0:
         typer.echo("stopped before the first pixel: nothing is written", err=True)
-        raise typer.Exit(_INTERRUPTED)
+        raise typer.Exit(INTERRUPTED)
     _write(found, rendered, out, spectral)
     files = str(out) if spectral is None else f"{out} and {spectral}"
     typer.echo(f"wrote  {files} in {time.perf_counter() - started:.1f} s")
@@ -72,7 +77,7 @@ def scene(
         if rendered.done > 0.99:
             words = "every pixel is there, but not all edges and highlights are smooth"
         typer.echo(f"stopped: {words}", err=True)
-        raise typer.Exit(_INTERRUPTED)
+        raise typer.Exit(INTERRUPTED)
 
 
 def _check_output(out: Path, spectral: Path | None, overwrite: bool) -> None:
@@ -83,11 +88,7 @@ def _check_output(out: Path, spectral: Path | None, overwrite: bool) -> None:
         from ..appearance.scene.picture import check_spectral
 
         check_spectral(spectral)
-    from ..io.outputs import check_output
-
-    for path in (out, spectral):
-        if path is not None:
-            check_output(path, overwrite=overwrite)
+    options.check_outputs({"--out": out, "--spectral": spectral}, overwrite, pictures=())
 
 
 def _resized(found: "SceneFile", text: str) -> "SceneFile":

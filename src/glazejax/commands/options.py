@@ -1,0 +1,358 @@
+"""The vocabulary of the commands: each shared option once, with one help text and one reader.
+
+Options are annotations, `geometry: Annotated[str | None, geometry_option("d:8")] = None`; readers turn what was typed
+into what the library takes, and name the option in their errors. Old spellings are hidden from ``--help``; they work
+and name the new one.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+
+import typer
+
+if TYPE_CHECKING:
+    import numpy as np
+    from jaxtyping import Float
+
+    from ..geometry import Geometry
+    from ..paint.media import Pigment
+
+RefractiveIndex = Annotated[
+    float, typer.Option("--refractive-index", help="Refractive index of the paint, 1 to 2.5; oil and acrylic: 1.5.")
+]
+Thickness = Annotated[
+    str,
+    typer.Option(
+        "--thickness",
+        metavar="LENGTH",
+        help="Usual thickness of a film, which nobody measured: 25um, 0.1mm; a bare number is micrometres.",
+    ),
+]
+Noise = Annotated[
+    float, typer.Option("--noise", help="Noise of the instrument near black: standard deviation of a reflectance.")
+]
+NoiseShare = Annotated[
+    float,
+    typer.Option("--noise-share", help="Noise that grows with the reading: added to --noise per unit of reflectance."),
+]
+ModelError = Annotated[
+    float | None,
+    typer.Option(
+        "--model-error",
+        help="Standard deviation of the model's own error, in reflectance (0 to 1). Default: 0.005.",
+        show_default=False,
+    ),
+]
+Pigments = Annotated[
+    Path | None,
+    typer.Option(
+        "--pigments",
+        metavar="FILE",
+        help="Your own paints instead of the catalogue's: a pigments.csv as `glazejax recover` writes it.",
+        show_default=False,
+    ),
+]
+Only = Annotated[
+    str,
+    typer.Option("--only", metavar="NAMES", help="Only these paints, such as ZincWhite,Eosin.", show_default=False),
+]
+Samples = Annotated[
+    str,
+    typer.Option(
+        "--samples", metavar="NAMES", help="Only these samples of the file, such as 07A,11A.", show_default=False
+    ),
+]
+Illuminant = Annotated[
+    str,
+    typer.Option("--illuminant", metavar="NAME", help="Light of the colours, by CIE: D65, D50, A, FL2, LED-B3, ..."),
+]
+Observer = Annotated[
+    str, typer.Option("--observer", metavar="DEGREES", help="CIE standard observer of the colours: 2 or 10 degrees.")
+]
+Picture = Annotated[
+    Path, typer.Option("--out", "-o", metavar="FILE", help="Picture to write: .png, .pdf, .svg or .jpg.")
+]
+PictureIfNamed = Annotated[
+    Path | None,
+    typer.Option(
+        "--out", "-o", metavar="FILE", help="Also draw a picture: .png, .pdf, .svg or .jpg.", show_default=False
+    ),
+]
+Folder = Annotated[
+    Path | None,
+    typer.Option("--out", "-o", metavar="FOLDER", help="Folder for the results; made if missing.", show_default=False),
+]
+Csv = Annotated[
+    Path | None, typer.Option("--csv", metavar="FILE", help="Also write a table of the results.", show_default=False)
+]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace files that exist.")]
+Seed = Annotated[int, typer.Option("--seed", help="Seed of the random numbers; the same seed gives the same result.")]
+
+OldSpecular = Annotated[bool | None, typer.Option("--specular/--no-specular", hidden=True)]
+OldIncidence = Annotated[float | None, typer.Option("--incidence", hidden=True)]
+
+
+def geometry_option(default: str) -> Any:
+    """``--geometry``, with what a command takes if it is left out."""
+    words = (
+        "Instrument: d:8 or di:8 (integrating sphere, mirror reflection of the surface included), de:8 (excluded), "
+        f"45:0, 0:45, or another ANGLE:ANGLE of light and view in degrees. Default: {default}."
+    )
+    return typer.Option("--geometry", metavar="GEOMETRY", help=words, show_default=False)
+
+
+def ground_option(default: str = "") -> Any:
+    """``--ground``, with what a command takes if it is left out."""
+    words = (
+        "Ground below the paint: its reflectance as seen from inside the paint, 0 to 1, or a file of spectra, FILE or "
+        f"FILE:SAMPLE.{f' Default: {default}.' if default else ''}"
+    )
+    return typer.Option("--ground", metavar="GROUND", help=words, show_default=False)
+
+
+def renamed(old: str, new: str) -> None:
+    """Say on stderr how an old spelling is written now."""
+    typer.echo(f"note: {old} is now {new}", err=True)
+
+
+def listed(text: str) -> list[str]:
+    """Names of a list with commas."""
+    return [name.strip() for name in text.split(",") if name.strip()]
+
+
+def read_geometry(
+    text: str | None,
+    default: str,
+    *,
+    sphere: str = "",
+    incidence: float | None = None,
+    viewing: float | None = None,
+    specular: bool | None = None,
+) -> "Geometry":
+    """The geometry of ``--geometry``, or of the options that told it before.
+
+    Args:
+        text: of ``--geometry``; None if it was not given.
+        default: what is taken then.
+        sphere: the old switch for an integrating sphere, if it was given.
+        incidence, viewing: old options, degrees; None if they were not given.
+        specular: old option; None if neither it nor its opposite was given.
+
+    Raises:
+        ValueError: words that `glazejax.geometry.parse_geometry` refuses, or old options that contradict each other or
+            stand beside ``--geometry``.
+    """
+    from ..geometry import Bidirectional, Hemispherical, parse_geometry
+
+    usual = parse_geometry(default if text is None else text, argument="--geometry")
+    old = [sphere] if sphere else []
+    old += [
+        f"{name} {angle:g}" for name, angle in (("--incidence", incidence), ("--viewing", viewing)) if angle is not None
+    ]
+    old += [] if specular is None else ["--specular" if specular else "--no-specular"]
+    if not old:
+        return usual
+    if text is not None:
+        raise ValueError(f"--geometry {text} says all about the instrument: leave out {' and '.join(old)}")
+    if sphere or isinstance(usual, Hemispherical):
+        if viewing is not None:
+            raise ValueError(f"--viewing has no meaning with {sphere}, which collects all directions: leave it out")
+        found = Hemispherical(8.0 if incidence is None else incidence, specular is not False)
+    else:
+        found = Bidirectional(incidence or 0.0, viewing or 0.0, bool(specular))
+    parse_geometry(found.notation, argument=" ".join(old))  # refuses a mirror reflection out of view
+    renamed(" ".join(old), f"--geometry {found.notation}")
+    return found
+
+
+_LENGTH = r"([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*([a-zµμ]*)"
+
+
+def read_length(text: str, argument: str = "--thickness") -> float:
+    """Metres of a length such as ``25um``, above 0 and at most 10 mm; a bare number is micrometres.
+
+    Raises:
+        ValueError: no length, a unit that is not known, or a length out of range.
+    """
+    from ..paint.media import MAX_THICKNESS
+
+    match = re.fullmatch(_LENGTH, text.strip(), re.IGNORECASE)
+    if match is None:
+        raise ValueError(f"{argument} is {text!r}; write a number and a unit, such as 25um (or mm, nm, m)")
+    metres = float(match[1]) / _per_metre(match[2], argument, text)
+    if not 0 < metres <= MAX_THICKNESS:
+        raise ValueError(f"{argument} is {text}; it must be above 0 and at most 10 mm, such as 25um")
+    return metres
+
+
+def read_lengths(text: str, argument: str) -> tuple[float, float]:
+    """Metres of a range such as ``1-50um``; one length alone is both ends, and bare numbers are micrometres.
+
+    Raises:
+        ValueError: no range of lengths, or a unit that is not known.
+    """
+    match = re.fullmatch(rf"{_LENGTH}(?:\s*-\s*{_LENGTH})?", text.strip(), re.IGNORECASE)
+    if match is None:
+        raise ValueError(f"{argument} is {text!r}; write the thinnest and the thickest, such as 1-50um")
+    low, low_unit, high, unit = match.groups()
+    last = _per_metre(unit or low_unit, argument, text)
+    first = _per_metre(low_unit, argument, text) if low_unit else last
+    return float(low) / first, float(high or low) / last
+
+
+def _per_metre(text: str, argument: str, whole: str) -> int:
+    """How many of a unit make a metre: a whole number, so that 25um is 25e-6 to the last digit."""
+    from ..paint.describe import UNITS
+
+    scale = UNITS.get(text or "um", UNITS.get(text.lower()))
+    if scale is None:
+        raise ValueError(f"{argument} is {whole!r}; the unit {text!r} is unknown: use um (or µm), mm, nm or m")
+    return round(1.0 / scale)
+
+
+class Ground(NamedTuple):
+    """A ground below paint.
+
+    Attributes:
+        wavelengths: (bands,), nm; None where one number holds for all.
+        reflectance: internal reflectance, a number or (bands,), in [0, 1].
+        words: what the ground is, for people.
+        notes: sentences of the reader.
+    """
+
+    wavelengths: "Float[np.ndarray, 'bands'] | None"
+    reflectance: "float | Float[np.ndarray, 'bands']"
+    words: str
+    notes: tuple[str, ...] = ()
+
+    def on(self, grid: "Float[np.ndarray, 'other']") -> "float | Float[np.ndarray, 'other']":
+        """Reflectance on other wavelengths (nm), which the ground's must cover."""
+        if self.wavelengths is None:
+            return self.reflectance
+        import numpy as np
+
+        from ..spectra import resample
+
+        return np.asarray(resample(self.wavelengths, self.reflectance, grid))
+
+
+def read_ground(text: str, argument: str = "--ground", *, bare: bool = False) -> Ground:
+    """Read a ground: a number from 0 to 1, or a spectrum FILE or FILE:SAMPLE.
+
+    Args:
+        text: what was typed.
+        argument: the option it was given as.
+        bare: the values are readings of the bare ground in air, which a bright one may bring above 1.
+
+    Raises:
+        FileNotFoundError: neither a number nor a file.
+        ValueError: a number or a spectrum out of range, or what `glazejax.io.read_sample` refuses.
+    """
+    from ..io import read_sample
+    from ..io.sample import split_sample
+
+    try:
+        level = float(text)
+    except ValueError:
+        pass
+    else:
+        if not 0 <= level <= 1:
+            hint = f" ({level:g} looks like percent: write {level / 100:g})" if 1 < level <= 100 else ""
+            raise ValueError(f"{argument} is {text}; reflectance lies between 0 and 1{hint}")
+        return Ground(None, level, f"reflectance {level:g}")
+    path, _ = split_sample(text)
+    table = read_sample(text, argument=argument)
+    sample, spectrum = table.names[0], table.reflectance[0]
+    notes = [f"{path}: {note}" for note in table.notes]
+    if not bare:
+        if spectrum.max() > 1:
+            worst = int(spectrum.argmax())
+            raise ValueError(
+                f"{path}: {sample!r} reflects {spectrum[worst]:.3g} at {table.wavelengths[worst]:g} nm; a ground "
+                "reflects 1 at most: scale the spectrum"
+            )
+        notes.append("the ground's spectrum is taken as its reflectance seen from inside the paint, not from air")
+    return Ground(table.wavelengths, spectrum, f"{sample} ({path.name}, mean {spectrum.mean():.2f})", tuple(notes))
+
+
+def read_shelf(path: Path | None) -> "dict[str, Pigment]":
+    """Paints of ``--pigments``, or the catalogue's."""
+    from .. import catalogue
+    from ..paint.pigment_table import read_pigments
+
+    return dict(catalogue.load()) if path is None else dict(read_pigments(path))
+
+
+def choose_paints(shelf: "Mapping[str, Pigment]", only: str = "", without: str = "") -> "list[Pigment]":
+    """Paints of a shelf that ``--only`` names, or all, but those that ``--without`` names.
+
+    Raises:
+        ValueError: a name that the shelf does not have, or no paint is left.
+    """
+    from ..paint.describe import find_name
+
+    chosen = [find_name(name, shelf) for name in listed(only)] or list(shelf)
+    left_out = {find_name(name, shelf) for name in listed(without)}
+    kept = [shelf[name] for name in dict.fromkeys(chosen) if name not in left_out]
+    if not kept:
+        raise ValueError("--only and --without leave no paint: name fewer in --without")
+    return kept
+
+
+def choose_rows(file: Path, names: Sequence[str], wanted: Sequence[str], argument: str = "--samples") -> list[int]:
+    """Rows of the wanted spectra of a file, or all.
+
+    Raises:
+        ValueError: the file has no spectrum of that name.
+    """
+    for name in wanted:
+        if name not in names:
+            some = ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
+            raise ValueError(f"{argument}: {file} holds no spectrum {name!r}; there are {some}")
+    return [names.index(name) for name in wanted] or list(range(len(names)))
+
+
+def check_outputs(files: Mapping[str, Path | None], overwrite: bool, *, pictures: Sequence[str] = ("--out",)) -> None:
+    """Refuse what could not be written in the end, before anything is computed.
+
+    Args:
+        files: option -> file; None where none is written.
+        overwrite: whether files that exist may be replaced.
+        pictures: options that name pictures.
+
+    Raises:
+        ValueError: a picture's ending, or two options that name the same file.
+        FileExistsError, FileNotFoundError, IsADirectoryError: see `glazejax.io.outputs.check_output`.
+    """
+    from ..io.outputs import check_output
+    from ..plots import check_picture
+
+    taken: dict[Path, str] = {}
+    for option, path in files.items():
+        if path is None:
+            continue
+        same = taken.setdefault(path.resolve(), option)
+        if same != option:
+            raise ValueError(f"{option} and {same} are both {path}, the same file: give them different names")
+        if option in pictures:
+            check_picture(path, overwrite=overwrite)
+        else:
+            check_output(path, overwrite=overwrite, argument=option)
+
+
+def check_folder(out: Path | None, overwrite: bool, *, instead: str = "") -> Path:
+    """The folder for the results, if they may be written there; ``instead`` says what else is possible.
+
+    Raises:
+        ValueError: no folder was named.
+        FileExistsError: it is a file, or a folder that is not empty.
+    """
+    if out is None:
+        raise ValueError("say where the results go: --out FOLDER")
+    if out.exists() and not out.is_dir():
+        raise FileExistsError(f"--out {out} is a file; name a folder")
+    if out.is_dir() and any(out.iterdir()) and not overwrite:
+        raise FileExistsError(f"the folder {out} exists and is not empty; choose another{instead}, or add --overwrite")
+    return out

@@ -1,0 +1,30 @@
+"""Packages that only some tasks need, and the extra of glazejax that installs each: one place, one sentence."""
+
+# Name to import -> name to install, and the extra that brings it.
+_EXTRAS = {
+    "typer": ("typer", "commands"),
+    "rich": ("rich", "commands"),
+    "matplotlib": ("matplotlib", "plots"),
+    "corner": ("corner", "plots"),
+    "spectral": ("spectral", "formats"),
+    "colour_cxf": ("colour-cxf", "formats"),
+    "jcamp": ("jcamp", "formats"),
+    "pyASDReader": ("pyasdreader", "formats"),
+    "arviz": ("arviz", "arviz"),
+    "h5py": ("h5py", "arviz"),
+    "tqdm": ("tqdm", "arviz"),
+    "trimesh": ("trimesh", "scene"),
+    "OpenEXR": ("OpenEXR", "scene"),
+}
+
+
+def advice(module: str | None) -> str | None:
+    """One sentence on how to install a package that was not found; None if no extra brings it.
+
+    Args:
+        module: what could not be imported, such as `ModuleNotFoundError.name`; a submodule counts as its package.
+    """
+    if module is None or (found := _EXTRAS.get(module.partition(".")[0])) is None:
+        return None
+    package, extra = found
+    return f'this needs the package {package}, which is not installed; install it with: pip install "glazejax[{extra}]"'
