@@ -4,14 +4,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from glazejax.commands.convert import parse_grid, register
-from glazejax.commands.main import app
+from glazejax.commands.convert import parse_grid
+from glazejax.commands.main import make_app
 from glazejax.io import SpectraTable, read_spectra, write_spectra
 
 from .io.samples import GRID, spectra
-
-if "convert" not in [command.name for command in app.registered_commands]:
-    register(app)
 
 
 @pytest.fixture
@@ -25,7 +22,7 @@ def chart(tmp_path):
 
 
 def run(*words):
-    return CliRunner().invoke(app, ["convert", *map(str, words)])
+    return CliRunner().invoke(make_app(), ["convert", *map(str, words)])
 
 
 @pytest.mark.parametrize("name", ["out.csv", "out.tsv", "out.cxf", "out.hdr"])

@@ -7,7 +7,6 @@ import sys
 
 import numpy as np
 import pytest
-import typer
 
 import glazejax
 from glazejax import Bidirectional, Glaze, Hemispherical, Layer, Mixture, Pigment
@@ -47,9 +46,6 @@ def run(tmp_path, monkeypatch, capsys, pigments_csv):
             return cli_render.register
 
     def call(*arguments, pigments=pigments_csv):
-        app = typer.Typer(pretty_exceptions_enable=False)
-        app.callback()(lambda: None)
-        monkeypatch.setattr(cli, "app", app)
         monkeypatch.setattr(cli, "entry_points", lambda group: [OnlyRender])
         # The settings of a command must not leak into the tests that follow.
         monkeypatch.setattr(cli, "start_jax", lambda: None)

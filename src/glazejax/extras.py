@@ -1,5 +1,7 @@
 """Packages that only some tasks need, and the extra of glazejax that installs each: one place, one sentence."""
 
+from importlib.metadata import PackageNotFoundError, distribution
+
 # Name to import -> name to install, and the extra that brings it.
 _EXTRAS = {
     "typer": ("typer", "commands"),
@@ -28,3 +30,22 @@ def advice(module: str | None) -> str | None:
         return None
     package, extra = found
     return f'this needs the package {package}, which is not installed; install it with: pip install "glazejax[{extra}]"'
+
+
+def require(*modules: str) -> None:
+    """Refuse a task before it starts, if a package that it needs is not installed.
+
+    The packages are looked up, not imported: colour-science puts empty stand-ins in the place of a missing matplotlib,
+    which would draw nothing and say nothing.
+
+    Args:
+        modules: names to import, such as ``matplotlib``.
+
+    Raises:
+        ModuleNotFoundError: one of them is not installed; the message says how to install it.
+    """
+    for module in modules:
+        try:
+            distribution(_EXTRAS[module][0])
+        except PackageNotFoundError:
+            raise ModuleNotFoundError(advice(module), name=module) from None

@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from . import colour
+from .extras import require
 from .geometry import Bidirectional, Geometry, Hemispherical
 from .paint.media import Glaze, Layer, Mixture, Pigment
 from .radiative.common.fresnel import dielectric_reflectance
@@ -51,7 +52,12 @@ class Picture:
     computed: int
 
     def save(self, path: str | Path) -> None:
-        """Write the picture to a file; the ending, such as .png, says the format."""
+        """Write the picture to a file; the ending, such as .png, says the format.
+
+        Raises:
+            ModuleNotFoundError: matplotlib is not installed.
+        """
+        require("matplotlib")
         from matplotlib.image import imsave
 
         imsave(path, np.asarray(self.srgb, dtype=np.float64))

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from glazejax.commands import options, progress
+from glazejax.extras import require
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -92,6 +93,7 @@ def posterior(
     Try it without data: glazejax posterior --simulate --paints CobaltBlue,ZincWhite --out demo
     """
     _check(file, sample, paints, bands, simulate, ground)
+    require("matplotlib", "corner", "arviz", "h5py", "tqdm")
     folder = _check_folder(out, resume, overwrite)
     usual = options.read_length(thickness)
     seen_by = options.read_geometry(geometry, _GEOMETRY, incidence=incidence, specular=specular)

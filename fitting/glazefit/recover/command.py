@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from glazejax.commands import options, progress
+from glazejax.extras import require
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -95,6 +96,8 @@ def recover(
     """
     _check(file, simulate)
     _check_joint(joint, law, check, simulate, masstones)
+    if plots:
+        require("matplotlib")
     folder = options.check_folder(out, overwrite)
     metres = options.read_length(thickness)
     seen_by = options.read_geometry(geometry, _GEOMETRY, incidence=incidence, specular=specular)

@@ -87,7 +87,7 @@ def _run(app: "typer.Typer") -> NoReturn:
     # typer names the family of these errors in no version's public part.
     usage_error: type[Exception] = typer.BadParameter.__bases__[0]
     try:
-        status = app(standalone_mode=False)
+        status = app(prog_name="glazejax", standalone_mode=False)
     except typer.Abort:
         sys.exit(_INTERRUPTED)
     except usage_error as error:
@@ -96,7 +96,7 @@ def _run(app: "typer.Typer") -> NoReturn:
             typer.echo(words)
             sys.exit(_WRONG)
         told = error.ctx.command_path if getattr(error, "ctx", None) else "glazejax"  # type: ignore[attr-defined]
-        _stop(f"{words[:1].lower()}{words[1:].rstrip('.')}; {told} --help lists all options")
+        _stop(f"{words[:1].lower()}{words[1:].rstrip('.')} (see {told} --help)")
     sys.exit(status or 0)
 
 

@@ -98,7 +98,8 @@ def geometry_option(default: str) -> Any:
     """``--geometry``, with what a command takes if it is left out."""
     words = (
         "Instrument: d:8 or di:8 (integrating sphere, mirror reflection of the surface included), de:8 (excluded), "
-        f"45:0, 0:45, or another ANGLE:ANGLE of light and view in degrees. Default: {default}."
+        "45:0, 0:45, or another ANGLE:ANGLE of light and view in degrees (30:30:specular sees the mirror reflection). "
+        f"Default: {default}."
     )
     return typer.Option("--geometry", metavar="GEOMETRY", help=words, show_default=False)
 
@@ -191,15 +192,20 @@ def read_lengths(text: str, argument: str) -> tuple[float, float]:
     """Metres of a range such as ``1-50um``; one length alone is both ends, and bare numbers are micrometres.
 
     Raises:
-        ValueError: no range of lengths, or a unit that is not known.
+        ValueError: no range of lengths, a unit that is not known, or lengths out of range or order.
     """
+    from ..paint.media import MAX_THICKNESS
+
     match = re.fullmatch(rf"{_LENGTH}(?:\s*-\s*{_LENGTH})?", text.strip(), re.IGNORECASE)
     if match is None:
         raise ValueError(f"{argument} is {text!r}; write the thinnest and the thickest, such as 1-50um")
     low, low_unit, high, unit = match.groups()
     last = _per_metre(unit or low_unit, argument, text)
     first = _per_metre(low_unit, argument, text) if low_unit else last
-    return float(low) / first, float(high or low) / last
+    bounds = float(low) / first, float(high or low) / last
+    if not 0 < bounds[0] <= bounds[1] <= MAX_THICKNESS:
+        raise ValueError(f"{argument} is {text}; it must ascend from above 0 to 10 mm at most, such as 1-50um")
+    return bounds
 
 
 def _per_metre(text: str, argument: str, whole: str) -> int:
@@ -325,7 +331,9 @@ def check_outputs(files: Mapping[str, Path | None], overwrite: bool, *, pictures
     Raises:
         ValueError: a picture's ending, or two options that name the same file.
         FileExistsError, FileNotFoundError, IsADirectoryError: see `glazejax.io.outputs.check_output`.
+        ModuleNotFoundError: a picture is wanted, and matplotlib is not installed.
     """
+    from ..extras import require
     from ..io.outputs import check_output
     from ..plots import check_picture
 
@@ -337,6 +345,7 @@ def check_outputs(files: Mapping[str, Path | None], overwrite: bool, *, pictures
         if same != option:
             raise ValueError(f"{option} and {same} are both {path}, the same file: give them different names")
         if option in pictures:
+            require("matplotlib")
             check_picture(path, overwrite=overwrite)
         else:
             check_output(path, overwrite=overwrite, argument=option)

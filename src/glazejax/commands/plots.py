@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..colour import CIE_1931, lab, srgb
+from ..extras import require
 from ..plots import FAINT, GRID, INK, hex_colour
 from .rendering import Rendering
 
@@ -67,7 +68,9 @@ def glaze_figure(
 
     Raises:
         ValueError: another number of names than layers, or what `lab` refuses.
+        ModuleNotFoundError: matplotlib is not installed.
     """
+    require("matplotlib")
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 

@@ -88,6 +88,9 @@ def _check_output(out: Path, spectral: Path | None, overwrite: bool) -> None:
         from ..appearance.scene.picture import check_spectral
 
         check_spectral(spectral)
+    from ..extras import require
+
+    require("matplotlib")
     options.check_outputs({"--out": out, "--spectral": spectral}, overwrite, pictures=())
 
 

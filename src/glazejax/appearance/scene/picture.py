@@ -7,6 +7,7 @@ import numpy as np
 from jaxtyping import Float, UInt8
 
 from ...colour import CIE_1931, colour_weights, find_observer
+from ...extras import require
 from ...spectra import Grid, Numbers
 from .render import Rendered
 
@@ -83,7 +84,12 @@ def screen_picture(
 
 
 def save_png(path: str | Path, rgb: UInt8[np.ndarray, "h w 3"]) -> None:
-    """Write digital colours as PNG."""
+    """Write digital colours as PNG.
+
+    Raises:
+        ModuleNotFoundError: matplotlib is not installed.
+    """
+    require("matplotlib")
     from matplotlib.image import imsave
 
     imsave(path, rgb, format="png")
