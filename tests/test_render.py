@@ -91,6 +91,10 @@ def test_numbers_picture_and_table(run, tmp_path, pigments_csv):
 @pytest.mark.parametrize(
     ("options", "geometry", "words"),
     [
+        (["--geometry", "45:0"], Bidirectional(45.0, 0.0), "light at 45°, view at 0°, no mirror"),
+        (["--geometry", "30:30:specular"], Bidirectional(30.0, 30.0, True), "mirror reflection in"),
+        (["--geometry", "d:8"], Hemispherical(8.0, True), "sphere at 8°, specular included"),
+        (["--geometry", "20:de"], Hemispherical(20.0, False), "sphere at 20°, specular excluded"),
         (["--incidence", "45"], Bidirectional(45.0, 0.0), "light at 45°, view at 0°, no mirror"),
         (
             ["--viewing", "30", "--incidence", "30", "--specular"],
@@ -103,9 +107,13 @@ def test_numbers_picture_and_table(run, tmp_path, pigments_csv):
     ],
 )
 def test_geometries(run, tmp_path, pigments_csv, options, geometry, words):
-    status, out, _ = run(*STACK, *options, "--csv", "s.csv", "--refractive-index", "1.4", "--substrate", "0.5")
+    status, out, err = run(*STACK, *options, "--csv", "s.csv", "--refractive-index", "1.4", "--ground", "0.5")
     assert status == 0
     assert words in out
+    old = " ".join(options) if options[0] != "--geometry" else ""
+    assert (err == "") == (old == "")
+    assert err.count("\n") == bool(old)
+    assert err.endswith(f"is now --geometry {geometry.notation}\n") or not old
     expected = spectrum(pigments_csv, geometry, 0.5, 1.4)
     np.testing.assert_allclose(read_spectra(tmp_path / "s.csv")["glaze"], expected, atol=1e-6)
 
@@ -115,8 +123,8 @@ def test_ground_from_a_file(run, tmp_path, pigments_csv):
     white, black = np.linspace(50, 90, grid.size), np.full(grid.size, 5.0)
     rows = [f"{w:g},{a},{b}" for w, a, b in zip(grid, white, black, strict=True)]
     (tmp_path / "cards.csv").write_text("\n".join(["wavelength,white card,black card", *rows]))
-    status, out, _ = run(*STACK, "--substrate", "cards.csv:white card", "--csv", "s.csv")
-    assert status == 0
+    status, out, err = run(*STACK, "--substrate", "cards.csv:white card", "--csv", "s.csv")
+    assert (status, err) == (0, "note: --substrate cards.csv:white card is now --ground cards.csv:white card\n")
     assert "ground: white card" in out
     assert "percent" in out
     assert "inside the paint" in out
@@ -127,10 +135,10 @@ def test_ground_from_a_file(run, tmp_path, pigments_csv):
     expected = spectrum(pigments_csv, Bidirectional(), ground)[inside]
     np.testing.assert_allclose(table["glaze"], expected, atol=1e-6)
 
-    status, _, err = run(*STACK, "--substrate", "cards.csv", "--out", "b.png")
+    status, _, err = run(*STACK, "--ground", "cards.csv", "--out", "b.png")
     assert status == 2
     assert "holds 2 spectra: choose one, as cards.csv:white card" in err
-    status, _, err = run(*STACK, "--substrate", "cards.csv:grey", "--out", "b.png")
+    status, _, err = run(*STACK, "--ground", "cards.csv:grey", "--out", "b.png")
     assert status == 2
     assert "no spectrum 'grey'; there are white card, black card" in err
 
@@ -183,6 +191,14 @@ def test_lines_fit_the_terminal(run, monkeypatch, width):
         (("--layers", "Red:12"), "the thickness 12 has no unit: write 12um"),
         (("--layers", "Red:-1um"), "thickness -1um is negative"),
         (("--layers", "0.5*Red+0.6*DeepBlue:1um"), "fractions sum to 1.1"),
+        ((*STACK, "--ground", "90"), "--ground is 90; .* looks like percent: write 0.9"),
+        (
+            (*STACK, "--ground", "0.5", "--substrate", "0.5"),
+            "--ground 0.5 says what the ground is: leave out --substrate",
+        ),
+        ((*STACK, "--geometry", "d"), "--geometry is 'd'; it must be d:8 or di:8"),
+        ((*STACK, "--geometry", "45:0:specular"), "45:0 the mirror reflection is not in view"),
+        ((*STACK, "--geometry", "d:8", "--hemispherical"), "--geometry d:8 says all .* leave out --hemispherical"),
         ((*STACK, "--substrate", "90"), "--substrate is 90; .* looks like percent: write 0.9"),
         ((*STACK, "--substrate", "-0.1"), "--substrate is -0.1"),
         ((*STACK, "--substrate", "nan"), "--substrate is nan"),
@@ -246,7 +262,7 @@ def test_own_pigments_come_before_the_catalogue(run, monkeypatch, tmp_path):
 def test_help_fits_and_tells_defaults(run):
     status, out, _ = run("--help", pigments=None)
     assert status == 0
-    assert "Default: 0, or 8 with --hemispherical." in " ".join(re.sub("[│\n]", " ", out).split())
+    assert "Default: 0:0." in " ".join(re.sub("[│\n]", " ", out).split())
     assert "…" not in out
 
 
@@ -261,7 +277,7 @@ def test_the_installed_command(tmp_path):
             [*program, *arguments], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
         )
 
-    good = ("--layers", "UltramarineBlue:12um,Vermillion:12um", "--substrate", "0.9", "--tolerance", "1e-3")
+    good = ("--layers", "UltramarineBlue:12um,Vermillion:12um", "--ground", "0.9", "--tolerance", "1e-3")
     for _ in range(2):  # The second run takes its programs from the cache.
         done = call(*good, "--overwrite")
         assert (done.returncode, done.stderr) == (0, "")

@@ -124,6 +124,11 @@ def test_an_interrupt_keeps_what_is_finished(run, monkeypatch):
         (["--lab", "50,0,0", "--samples", "a"], "--samples names spectra of a file"),
         (["--lab", "50,0,0", "--thickness", "thick"], "--thickness is 'thick'"),
         (["--lab", "50,0,0", "--thickness", "50-1"], "must ascend"),
+        (["--lab", "50,0,0", "--coat-thickness", "thick"], "--coat-thickness is 'thick'"),
+        (["--lab", "50,0,0", "--coat-thickness", "1-5", "--thickness", "1-5"], "leave out --thickness"),
+        (["--lab", "50,0,0", "--geometry", "45"], "--geometry is '45'; it must be d:8 or di:8"),
+        (["--lab", "50,0,0", "--geometry", "d:8", "--sphere"], "--geometry d:8 says all about the instrument"),
+        (["--lab", "50,0,0", "--ground", "none.csv"], "'none.csv' is neither a number"),
         (["--lab", "50,0,0", "--only", "Mauve"], "no pigment 'Mauve'"),
         (["--lab", "50,0,0", "--only", "Red", "--without", "Red"], "leave no paint"),
         (["--lab", "50,0,0", "--out", "a.txt"], "pictures end in"),
@@ -131,7 +136,7 @@ def test_an_interrupt_keeps_what_is_finished(run, monkeypatch):
         (["--lab", "50,0,0", "--spectra", "s.csv"], "has no spectrum"),
         (["--lab", "50,0,0", "--csv", "same", "--json", "same"], "same file"),
         (["--lab", "50,0,0", "--illuminants", "Z"], "unknown illuminant"),
-        (["--lab", "50,0,0", "--ground", "90"], "must lie in [0, 1], not 90"),
+        (["--lab", "50,0,0", "--ground", "90"], "reflectance lies between 0 and 1 (90 looks like percent: write 0.9)"),
     ],
 )
 def test_mistakes_get_one_line(run, words, message):

@@ -49,8 +49,10 @@ def films():
 
 
 def test_results_are_those_of_the_library(run, tmp_path, films):
-    status, out, _ = run(write(tmp_path / "f.tsv", films), "--out", "res", "--thickness", "20")
-    assert status == 0
+    status, out, err = run(
+        write(tmp_path / "f.tsv", films), "--out", "res", "--thickness", "20um", "--geometry", "di:8"
+    )
+    assert (status, err) == (0, "")
     assert "20 µm is assumed" in out
     assert "percent" in out
     with (tmp_path / "res" / "pigments.csv").open() as file:
@@ -134,6 +136,10 @@ def test_bad_input_is_one_line_and_status_2(run, tmp_path, films):
         ([good, "--out", "o", "--noise", "-1"], ["noise", "-1"]),
         ([good, "--out", "o", "--refractive-index", "15"], ["refractive index 15", "[1, 2.5]"]),
         ([good, "--out", "o", "--incidence", "95"], ["incidence", "95"]),
+        ([good, "--out", "o", "--geometry", "d:95"], ["--geometry is 'd:95'", "incidence"]),
+        ([good, "--out", "o", "--geometry", "45:0"], ["integrating sphere only", "light at 45°"]),
+        ([good, "--out", "o", "--geometry", "d:8", "--no-specular"], ["leave out --no-specular"]),
+        ([good, "--out", "o", "--thickness", "20ells"], ["--thickness is '20ells'", "unit 'ells'"]),
         ([good, "--out", full], ["full", "not empty", "--overwrite"]),
         ([good, "--out", good], ["is a file"]),
         ([good], ["--out"]),

@@ -1,0 +1,120 @@
+"""The instrument in words: one vocabulary for the command line and for Python."""
+
+import numpy as np
+import pytest
+
+import glazefit
+import glazejax
+from glazejax import Bidirectional, Hemispherical, Instrument
+from glazejax.geometry import parse_geometry, resolve_instrument
+
+
+@pytest.mark.parametrize(
+    ("text", "geometry", "notation", "words"),
+    [
+        ("d:8", Hemispherical(8.0), "d:8", "an integrating sphere at 8°, specular included"),
+        ("di:8", Hemispherical(8.0), "d:8", "an integrating sphere at 8°, specular included"),
+        ("de:8", Hemispherical(8.0, False), "de:8", "an integrating sphere at 8°, specular excluded"),
+        ("8:d", Hemispherical(8.0), "d:8", "an integrating sphere at 8°, specular included"),
+        ("8:de", Hemispherical(8.0, False), "de:8", "an integrating sphere at 8°, specular excluded"),
+        (" DI:0 ", Hemispherical(0.0), "d:0", "an integrating sphere at 0°, specular included"),
+        ("45:0", Bidirectional(45.0, 0.0), "45:0", "light at 45°, view at 0°, no mirror reflection"),
+        ("0:45", Bidirectional(0.0, 45.0), "0:45", "light at 0°, view at 45°, no mirror reflection"),
+        ("45°/0°", Bidirectional(45.0, 0.0), "45:0", "light at 45°, view at 0°, no mirror reflection"),
+        ("30:30", Bidirectional(30.0, 30.0), "30:30", "light at 30°, view at 30°, no mirror reflection"),
+        (
+            "30:30:specular",
+            Bidirectional(30.0, 30.0, True),
+            "30:30:specular",
+            "light at 30°, view at 30°, mirror reflection included",
+        ),
+        ("22.5:60", Bidirectional(22.5, 60.0), "22.5:60", "light at 22.5°, view at 60°, no mirror reflection"),
+    ],
+)
+def test_words_for_a_geometry(text, geometry, notation, words):
+    found = parse_geometry(text)
+    assert (type(found), found.incidence, found.specular) == (type(geometry), geometry.incidence, geometry.specular)
+    assert found == geometry
+    assert found.notation == notation
+    assert parse_geometry(notation) == geometry
+    assert found.describe() == Instrument(found).describe() == words
+    assert Instrument.parse(text, 1.4) == Instrument(geometry, 1.4)
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        *(
+            (text, "it must be d:8 or di:8")
+            for text in ("", "8", "d", "d:d", "x:8", "d:8:specular", "1:2:3", "1:2:3:4")
+        ),
+        ("95:0", "incidence must lie in"),
+        ("d:-8", "incidence must lie in"),
+        ("nan:0", "incidence must lie in"),
+        ("0:90", "viewing must lie in"),
+        ("45:0:specular", "at 45:0 the mirror reflection is not in view"),
+    ],
+)
+def test_other_words_are_one_sentence(text, complaint):
+    with pytest.raises(ValueError, match=complaint) as error:
+        parse_geometry(text, argument="--geometry")
+    assert str(error.value).startswith(f"--geometry is {text!r}")
+    assert "\n" not in str(error.value)
+
+
+def test_the_class_has_one_name_in_both_packages():
+    assert glazefit.Instrument is glazejax.Instrument
+    assert Instrument() == Instrument(Hemispherical(8.0, True), 1.5)
+    assert hash(Instrument.parse("45:0")) == hash(Instrument(Bidirectional(45, 0)))
+    with pytest.raises(ValueError, match="refractive index 3 is outside"):
+        Instrument(refractive_index=3)
+
+
+def test_surface_is_seen_by_the_mirror_direction_only():
+    normal = ((1.5 - 1.0) / (1.5 + 1.0)) ** 2
+    for text, surface, seen in (
+        ("0:0", normal, 0.0),
+        ("0:0:specular", normal, normal),
+        ("di:0", normal, normal),
+        ("de:0", normal, 0.0),
+        ("0:45", normal, 0.0),
+    ):
+        instrument = Instrument.parse(text)
+        assert instrument.surface == pytest.approx(surface, rel=1e-12)
+        assert instrument.seen_surface == pytest.approx(seen, rel=1e-12)
+    # Paper tables: R at 45 degrees and n = 1.5 is .0502.
+    assert Instrument.parse("45:0").surface == pytest.approx(0.0502, abs=5e-5)
+    assert Instrument(Bidirectional(45, 0, specular=True)).seen_surface == 0.0
+    assert Instrument(Bidirectional(45, 45, specular=True, azimuth=180)).seen_surface == 0.0
+
+
+def test_mirror_direction_keeps_batch_axes():
+    angles = np.array([0.0, 30.0, 45.0])
+    seen = Bidirectional(angles, 30.0, specular=True, azimuth=np.array([10.0, 0.0, 0.0])).sees_surface
+    np.testing.assert_array_equal(seen, [[False], [True], [False]])
+    at_normal = Bidirectional(0.0, 0.0, specular=True, azimuth=np.array([0.0, 90.0])).sees_surface
+    np.testing.assert_array_equal(at_normal, [[True], [True]])
+    assert Bidirectional(angles, 30.0).describe() == "light at 0° to 45°, view at 30°, no mirror reflection"
+
+
+def test_one_place_resolves_instrument_and_geometry():
+    side = Bidirectional(45, 0)
+    assert resolve_instrument() == Instrument()
+    assert resolve_instrument(None, None, 1.4) == Instrument(refractive_index=1.4)
+    assert resolve_instrument(Instrument(refractive_index=1.4), side) == Instrument(side, 1.4)
+    assert resolve_instrument(Instrument(side)) == Instrument(side)
+
+
+def test_films_over_cards_need_a_sphere():
+    grid = np.arange(400.0, 701.0, 100.0)
+    films = glazefit.simulate_films(["a"], grid, np.ones((1, 4)), np.ones((1, 4)))
+    side = Instrument.parse("45:0")
+    for attempt in (
+        lambda: glazefit.recover_films(films, instrument=side),
+        lambda: glazefit.recover_jointly(films, {"a": {"Red": 1.0}}, instrument=side),
+        lambda: glazefit.posterior_of_bands(films, instrument=side, steps=0),
+        lambda: glazefit.simulate_films(["a"], grid, np.ones((1, 4)), np.ones((1, 4)), instrument=side),
+    ):
+        with pytest.raises(ValueError, match="fitted for an integrating sphere only") as error:
+            attempt()
+        assert "light at 45°, view at 0°" in str(error.value)

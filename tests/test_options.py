@@ -1,0 +1,313 @@
+"""The vocabulary of the commands: readers of options, old spellings, the version, and packages that are missing."""
+
+import sys
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from glazejax import Bidirectional, Hemispherical, extras
+from glazejax.commands import main as cli
+from glazejax.commands import options, progress
+
+from .test_pigment_table import HEADER
+
+
+@pytest.fixture
+def run(monkeypatch, tmp_path, capsys):
+    """Run `glazejax` with any words in an empty folder; gives exit status, output and errors."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setattr(cli, "start_jax", lambda: None)
+
+    def call(*words):
+        monkeypatch.setattr(sys, "argv", ["glazejax", *map(str, words)])
+        with pytest.raises(SystemExit) as stop:
+            cli.main()
+        out, err = capsys.readouterr()
+        return stop.value.code or 0, out, err
+
+    return call
+
+
+def test_version(run):
+    assert run("--version") == (0, f"glazejax {version('glazejax')}\n", "")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("nonsense",), "no such command 'nonsense'"),
+        (("render", "--lairs", "x"), "no such option: --lairs"),
+        (("render", "--tolerance", "low"), "'--tolerance'"),
+        (("convert",), "missing argument 'IN'"),
+    ],
+)
+def test_a_wrong_command_line_is_one_line(run, words, message):
+    status, out, err = run(*words)
+    assert (status, out) == (2, "")
+    assert err.startswith("error: ")
+    assert message in err
+    assert "--help)" in err
+    assert err.count("\n") == 1
+
+
+VOCABULARY = {
+    "render": "geometry refractive-index ground pigments illuminant observer out csv overwrite",
+    "recover": "geometry refractive-index thickness noise noise-share samples out overwrite seed",
+    "identify": "geometry refractive-index ground thickness noise noise-share model-error pigments only samples out csv "
+    "overwrite",
+    "posterior": "geometry refractive-index ground thickness noise noise-share pigments out overwrite seed paint-error",
+    "recipe": "geometry refractive-index ground coat-thickness pigments only samples observer out csv overwrite seed",
+    "scene": "out overwrite",
+    "convert": "overwrite",
+}
+HIDDEN = ("--hemispherical", "--incidence", "--viewing", "--specular ", "--no-specular", "--substrate", "--sphere")
+
+
+@pytest.mark.parametrize("command", VOCABULARY)
+def test_help_has_the_vocabulary_and_no_old_spelling(run, command):
+    status, out, _ = run(command, "--help")
+    assert status == 0
+    for name in VOCABULARY[command].split():
+        assert f"--{name} " in out
+    for name in HIDDEN:
+        assert name not in out
+    assert ("--model-error" in out) == (command == "identify")
+    assert ("--thickness " in out) == (command in ("recover", "identify", "posterior"))
+
+
+@pytest.mark.parametrize(
+    ("text", "metres"),
+    [
+        ("25um", 25e-6),
+        ("25", 25e-6),
+        ("0.1 mm", 1e-4),
+        ("500nm", 5e-7),
+        ("2.5µm", 2.5e-6),
+        ("1e-5 m", 1e-5),
+        ("10mm", 0.01),
+    ],
+)
+def test_lengths(text, metres):
+    assert options.read_length(text) == metres
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("thick", "write a number and a unit"),
+        ("nan", "write a number and a unit"),
+        ("", "write a number and a unit"),
+        ("25 furlongs", "the unit 'furlongs' is unknown"),
+        ("0", "above 0"),
+        ("-1um", "above 0"),
+        ("1m", "at most 10 mm"),
+    ],
+)
+def test_bad_lengths(text, complaint):
+    with pytest.raises(ValueError, match=complaint) as error:
+        options.read_length(text)
+    assert str(error.value).startswith("--thickness is ")
+
+
+@pytest.mark.parametrize(
+    ("text", "bounds"),
+    [
+        ("1-50um", (1e-6, 50e-6)),
+        ("1-50", (1e-6, 50e-6)),
+        ("500nm-0.1mm", (5e-7, 1e-4)),
+        ("1 um - 50 µm", (1e-6, 50e-6)),
+        ("20um", (20e-6, 20e-6)),
+    ],
+)
+def test_ranges_of_lengths(text, bounds):
+    assert options.read_lengths(text, "--coat-thickness") == bounds
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("thick", "write the thinnest"),
+        ("50-1", "must ascend"),
+        ("0-1", "must ascend"),
+        ("1-2ells", "'ells' is unknown"),
+    ],
+)
+def test_bad_ranges_of_lengths(text, complaint):
+    with pytest.raises(ValueError, match=complaint) as error:
+        options.read_lengths(text, "--coat-thickness")
+    assert str(error.value).startswith("--coat-thickness is ")
+
+
+@pytest.mark.parametrize(
+    ("default", "old", "geometry", "note"),
+    [
+        ("0:0", {}, Bidirectional(0, 0), ""),
+        ("0:0", {"incidence": 45.0}, Bidirectional(45, 0), "--incidence 45 is now --geometry 45:0"),
+        ("0:0", {"viewing": 0.0}, Bidirectional(0, 0), "--viewing 0 is now --geometry 0:0"),
+        ("0:0", {"specular": True}, Bidirectional(0, 0, True), "--specular is now --geometry 0:0:specular"),
+        ("0:0", {"sphere": "--hemispherical"}, Hemispherical(), "--hemispherical is now --geometry d:8"),
+        (
+            "0:0",
+            {"sphere": "--hemispherical", "incidence": 20.0, "specular": False},
+            Hemispherical(20, False),
+            "--hemispherical --incidence 20 --no-specular is now --geometry de:20",
+        ),
+        ("45:0", {"sphere": "--sphere"}, Hemispherical(), "--sphere is now --geometry d:8"),
+        ("d:8", {"specular": False}, Hemispherical(8, False), "--no-specular is now --geometry de:8"),
+        ("d:8", {"incidence": 0.0}, Hemispherical(0), "--incidence 0 is now --geometry d:0"),
+    ],
+)
+def test_old_spellings_of_the_instrument_name_the_new(capsys, default, old, geometry, note):
+    assert options.read_geometry(None, default, **old) == geometry
+    out, err = capsys.readouterr()
+    assert (out, err) == ("", f"note: {note}\n" if note else "")
+    if old:
+        with pytest.raises(ValueError, match="--geometry d:8 says all about the instrument: leave out --"):
+            options.read_geometry("d:8", default, **old)
+
+
+def test_ground_is_a_number_or_a_spectrum(tmp_path):
+    ground = options.read_ground("0.5")
+    assert (ground.reflectance, ground.words, ground.on(np.arange(3.0))) == (0.5, "reflectance 0.5", 0.5)
+    path = tmp_path / "cards.csv"
+    path.write_text("wavelength,white,bright\n400,0.8,1.1\n500,0.9,1.1\n600,1,1.1\n")
+    ground = options.read_ground(f"{path}:white")
+    np.testing.assert_allclose(ground.on(np.array([450.0, 550.0])), [0.85, 0.95], atol=0.01)
+    assert ground.words == "white (cards.csv, mean 0.90)"
+    assert "inside the paint" in ground.notes[-1]
+    with pytest.raises(ValueError, match="a ground reflects 1 at most"):
+        options.read_ground(f"{path}:bright")
+    bare = options.read_ground(f"{path}:bright", bare=True)
+    assert not any("inside the paint" in note for note in bare.notes)
+    for text, complaint in (
+        ("90", r"--ground is 90; .* \(90 looks like percent: write 0.9\)"),
+        ("-1", "--ground is -1"),
+    ):
+        with pytest.raises(ValueError, match=complaint):
+            options.read_ground(text)
+    with pytest.raises(FileNotFoundError, match="'none.csv' is neither a number"):
+        options.read_ground("none.csv")
+    with pytest.raises(ValueError, match="--substrate is 2"):
+        options.read_ground("2", "--substrate")
+
+
+def test_paints_of_a_shelf(tmp_path):
+    path = tmp_path / "pigments.csv"
+    rows = [f"{name},{nm},1,1,0,0,True" for name in ("Red", "ZincWhite", "Blue") for nm in (400, 500)]
+    path.write_text("\n".join([HEADER, *rows]))
+    shelf = options.read_shelf(path)
+    assert list(shelf) == ["Red", "ZincWhite", "Blue"]
+    for only, without, kept in (
+        ("", "", ["Red", "ZincWhite", "Blue"]),
+        ("blue, zinc white,Blue", "", ["Blue", "ZincWhite"]),
+        ("", "Red", ["ZincWhite", "Blue"]),
+    ):
+        assert [paint.name for paint in options.choose_paints(shelf, only, without)] == kept
+    with pytest.raises(ValueError, match="leave no paint"):
+        options.choose_paints(shelf, "Red", "Red")
+    with pytest.raises(ValueError, match="no pigment 'Mauve'"):
+        options.choose_paints(shelf, "Mauve")
+
+
+def test_no_two_options_write_one_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    options.check_outputs({"--out": Path("a.png"), "--csv": None, "--json": Path("b")}, False)
+    with pytest.raises(ValueError, match="--csv and --out are both ./a.png, the same file"):
+        options.check_outputs({"--out": tmp_path / "a.png", "--csv": Path("./a.png")}, False)
+
+
+def test_folders(tmp_path):
+    assert options.check_folder(tmp_path / "new", False) == tmp_path / "new"
+    (tmp_path / "x").touch()
+    with pytest.raises(FileExistsError, match=r"not empty; choose another, or sing, or add --overwrite"):
+        options.check_folder(tmp_path, False, instead=", or sing")
+    assert options.check_folder(tmp_path, True) == tmp_path
+    with pytest.raises(FileExistsError, match="is a file"):
+        options.check_folder(tmp_path / "x", True)
+    with pytest.raises(ValueError, match="--out FOLDER"):
+        options.check_folder(None, False)
+
+
+def test_an_interrupt_keeps_what_is_finished():
+    def chunks(stop):
+        if stop == 0:
+            raise KeyboardInterrupt
+        yield [1, 2]
+        if stop == 1:
+            raise KeyboardInterrupt
+        yield [3]
+
+    parts, how = progress.collect(chunks(2), 3, "a", "b")
+    assert (parts, how.interrupted) == ([[1, 2], [3]], False)
+    assert 0 < how.first <= how.seconds
+    parts, how = progress.collect(chunks(1), 3, "a", "b")
+    assert (parts, how.interrupted) == ([[1, 2]], True)
+    with pytest.raises(KeyboardInterrupt):
+        progress.collect(chunks(0), 3, "a", "b")
+
+
+@pytest.mark.parametrize(
+    ("module", "extra"),
+    [
+        ("typer", "commands"),
+        ("rich.console", "commands"),
+        ("matplotlib", "plots"),
+        ("corner", "plots"),
+        ("spectral.io.envi", "formats"),
+        ("pyASDReader", "formats"),
+        ("arviz", "arviz"),
+        ("trimesh", "scene"),
+    ],
+)
+def test_a_missing_package_is_one_sentence(monkeypatch, run, module, extra):
+    """Whatever imports it, wherever."""
+
+    def fail():
+        raise ModuleNotFoundError(f"No module named {module!r}", name=module)
+
+    monkeypatch.setattr(cli, "make_app", fail)
+    status, out, err = run("--version")
+    assert (status, out) == (2, "")
+    package = module.partition(".")[0].lower()
+    assert err.lower().startswith(f"error: this needs the package {package}, which is not installed")
+    assert err.endswith(f'pip install "glazejax[{extra}]"\n')
+
+
+def test_no_typer_is_one_sentence(monkeypatch, run):
+    monkeypatch.setitem(sys.modules, "typer", None)
+    status, _, err = run("--version")
+    assert (status, err.count("\n")) == (2, 1)
+    assert 'pip install "glazejax[commands]"' in err
+
+
+def test_a_slip_of_our_own_is_no_missing_extra(monkeypatch):
+    def fail():
+        raise ModuleNotFoundError("No module named 'glazejax.nonsense'", name="glazejax.nonsense")
+
+    monkeypatch.setattr(cli, "make_app", fail)
+    with pytest.raises(ModuleNotFoundError, match="nonsense"):
+        cli.main()
+    assert extras.advice(None) is None
+
+
+def test_a_picture_is_refused_before_it_is_computed(monkeypatch, run, tmp_path):
+    """colour-science puts a stand-in where matplotlib is missing: drawing would fail late, or not at all."""
+
+    def without(name):
+        raise PackageNotFoundError(name)
+
+    monkeypatch.setattr(extras, "distribution", without)
+    for words in (
+        ("render", "--layers", "Eosin:1um"),
+        ("recipe", "--lab", "50,0,0"),
+        ("recover", "--simulate", "--out", "r"),
+        ("posterior", "--simulate", "--paints", "Eosin", "--out", "r"),
+        ("identify", "none.csv", "--out", "a.png"),
+    ):
+        status, out, err = run(*words)
+        assert (status, out) == (2, "")
+        assert err.endswith('pip install "glazejax[plots]"\n')
+    assert list(tmp_path.iterdir()) == []
