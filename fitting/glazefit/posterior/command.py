@@ -82,10 +82,10 @@ def posterior(
     incidence: options.OldIncidence = None,
     specular: options.OldSpecular = None,
 ) -> None:
-    """How well a film is known: posterior of its paints and thickness, or of k and s band by band.
+    """How well a film is known: its paints and thickness, or its k and s, each with an error.
 
-    Prints medians and 90 % intervals by emcee beside Laplace's standard errors,
-    and names what the measurement leaves open.
+    Prints medians and 90 % intervals by emcee (the posterior) beside Laplace's
+    standard errors, and says what the measurement cannot tell.
 
     Writes chain.h5, posterior.nc (for ArviZ), summary.csv, corner.png, bands.png.
     Ctrl-C keeps the chain; --resume goes on with it.

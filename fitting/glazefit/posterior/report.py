@@ -23,7 +23,7 @@ def print_posterior(posterior: Posterior, console: Console) -> None:
     for sentence in posterior.identifiability.sentences:
         console.print(f"[yellow]Open:[/yellow] {sentence}.")
     if not posterior.identifiability.sentences:
-        console.print("No direction is left open: every unknown is narrower than beforehand.")
+        console.print("The measurement narrows every unknown; none is left open.")
     console.print(_laplace(posterior, rows))
     colour = "green" if posterior.converged else "yellow"
     words = posterior.words()

@@ -49,7 +49,7 @@ def recover(
     thickness: options.Thickness = "25um",
     noise: options.Noise = 0.0005,
     noise_share: options.NoiseShare = 0.002,
-    geometry: Annotated[str | None, options.geometry_option(_GEOMETRY)] = None,
+    geometry: Annotated[str | None, options.geometry_option(_GEOMETRY, sphere=True)] = None,
     refractive_index: options.RefractiveIndex = 1.5,
     simulate: Annotated[
         bool, typer.Option("--simulate", help="Try it without data: recover simulated films of the catalogue's paints.")
