@@ -110,7 +110,9 @@ def recover(
 
     start_jax()
     console = Console()
-    given = {"instrument": Instrument(seen_by, refractive_index), "noise": Noise(noise, noise_share)}
+    instrument = Instrument(seen_by, refractive_index)
+    instrument.require_sphere()
+    given = {"instrument": instrument, "noise": Noise(noise, noise_share)}
     results = _Results(folder, metres, plots, overwrite, console)
     if joint:
         assert file is not None

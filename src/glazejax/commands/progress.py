@@ -39,9 +39,11 @@ def collect(chunks: Iterable[Part], total: int, first: str, then: str) -> tuple[
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    screen = Console(stderr=True)
     parts: list[Part] = []
     interrupted, began, warm = False, time.perf_counter(), 0.0
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+    # Off the terminal rich leaves blank lines, which would stand before an error.
+    with Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal) as progress:
         bar = progress.add_task(first, total=total)
         try:
             for part in chunks:
@@ -60,7 +62,8 @@ def drawing(count: int) -> Callable[[], None]:
     from rich.console import Console
     from rich.progress import track
 
-    steps = iter(track(range(count), "drawing", console=Console(stderr=True), transient=True))
+    screen = Console(stderr=True)
+    steps = iter(track(range(count), "drawing", console=screen, transient=True, disable=not screen.is_terminal))
     next(steps, None)
 
     def step() -> None:
