@@ -1,3 +1,4 @@
+import sys
 from typing import Any
 
 import numpy as np
@@ -5,7 +6,9 @@ import pytest
 
 from glazefit import (
     Discrepancy,
+    Films,
     Identification,
+    Instrument,
     Prior,
     ground_from_air,
     identify,
@@ -176,6 +179,20 @@ def test_grounds_read_bare_are_turned_into_internal_ones():
         np.testing.assert_allclose(ground_from_air(np.array(air), geometry), inside, atol=1e-5)
     with pytest.raises(ValueError, match="less than its surface alone"):
         ground_from_air(np.array([0.01]))
+
+
+@pytest.mark.parametrize("text", ["d:8", "de:8", "45:0"])
+def test_cards_are_read_by_the_instrument_that_read_the_films(monkeypatch, text):
+    """Told as an instrument or as a geometry."""
+    inside, asked = np.array([0.03, 0.9]), []
+    instrument = Instrument.parse(text)
+    air = np.repeat([reflectance(Glaze([], r), instrument.geometry) for r in inside], GRID.size, axis=1)
+    films = Films(("a",), GRID, air[:1], air[1:], air[:1], air[1:])
+    monkeypatch.setattr(sys.modules[identify.__module__], "identify", lambda *given, **options: asked.append(options))
+    for told in ({"instrument": instrument}, {"geometry": instrument.geometry}):
+        identify_films(films, [], **told)
+    for options in asked:
+        np.testing.assert_allclose(options["grounds"][0].mean(axis=-1), inside, atol=2e-5)
 
 
 @pytest.mark.slow
