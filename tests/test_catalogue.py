@@ -1,7 +1,9 @@
+import csv
+
 import numpy as np
 import pytest
 
-from glazejax import Glaze, Hemispherical, Layer, Pigment, catalogue, reflectance
+from glazejax import Glaze, Hemispherical, Layer, Mixture, Pigment, catalogue, colour, reflectance
 from glazejax.io import read_spectra
 
 NAMES = [
@@ -92,3 +94,83 @@ def test_masstones_come_back_as_measured(shared_data):
             glaze = Glaze([Layer(paint, thickness[:, 0])], ground)
             off.append(np.asarray(reflectance(glaze, Hemispherical(8.0), tolerance=1e-4)) - table[samples[name] + film])
         assert np.sqrt(np.mean(np.square(off), axis=(0, 2))).min() < 0.02, name
+
+
+def test_catalogues_by_name():
+    assert catalogue.names() == ("oils", "acrylics")
+    assert set(catalogue.load("oils")) == set(catalogue.load()) == set(NAMES)
+    assert catalogue.pigment("PyrroleRed", "acrylics").name == "PyrroleRed"
+    with pytest.raises(ValueError, match="no catalogue 'watercolours'; choose from oils, acrylics"):
+        catalogue.load("watercolours")
+    with pytest.raises(ValueError, match="choose from oils, acrylics"):
+        catalogue.pigment("ZincWhite", "Oils")
+    with pytest.raises(ValueError, match="unknown pigment 'ZincWhite'; nearest: 'TitaniumWhite'"):
+        catalogue.pigment("ZincWhite", "acrylics")
+
+
+def test_acrylics_grid_errors_and_provenance():
+    paints = catalogue.load("acrylics")
+    assert len(paints) == 19
+    for paint in paints.values():
+        np.testing.assert_array_equal(paint.wavelengths, np.arange(380.0, 751.0, 10.0))
+        assert paint.absorption_sd is None
+        assert paint.scattering_sd is None
+        assert paint.identifiable is not None
+        for word in ("MIT", "William Acton", "4bf3d8c", "500000 1/m"):
+            assert word in paint.provenance
+    np.testing.assert_array_equal(paints["TitaniumWhite"].scattering, 5e5)
+    # Where a paint is as clear as the white its tint does not show it; where it colours the white, it does.
+    known = np.asarray(paints["BismuthVanadateYellow"].identifiable)
+    assert known[:10].all()
+    assert not known[20:].any()
+
+
+def test_the_assumed_scale_is_said():
+    assert "25 µm" in str(catalogue.assumed_scale(catalogue.pigment("ZincWhite")))
+    assert "76 µm of titanium white" in str(catalogue.assumed_scale(catalogue.pigment("BoneBlack", "acrylics")))
+    assert catalogue.assumed_scale(Pigment("mine", [400.0, 500.0], [1.0, 1.0], [1.0, 1.0])) is None
+
+
+@pytest.fixture(scope="module")
+def golden(shared_data):
+    """K and S of the source, (paints, bands), by the catalogue's names."""
+    rows = {}
+    with (shared_data / "golden" / "kubelka_munk.tsv").open() as file:
+        for row in csv.DictReader(file, delimiter="\t"):
+            rows.setdefault(row["paint"], []).append((float(row["K"]), float(row["S"])))
+    assert list(rows) == list(catalogue.load("acrylics"))
+    return np.moveaxis(np.array(list(rows.values())), -1, 0)
+
+
+@pytest.mark.parametrize(
+    ("white", "shared_light", "plainly"),
+    [(0.0, 0.02, 0.25), (10 / 11, 0.02, 0.25), (0.5, 1.6, 1.8), (100 / 101, 1.1, 1.2)],
+)
+def test_acrylics_reflect_what_k_and_s_give(golden, white, shared_light, plainly):
+    """Kubelka and Munk's opaque films under Saunderson's surface, in numpy, against this program's."""
+    paints = list(catalogue.load("acrylics").values())
+    absorption, scattering = (1 - white) * golden + white * golden[:, -1:]
+    ratio = absorption / scattering
+    inside = 1 + ratio - np.sqrt(ratio**2 + 2 * ratio)
+    theirs = 0.03 + 0.97 * (1 - 0.65) * inside / (1 - 0.65 * inside)
+    tints = [Mixture([paint, paints[-1]], [1 - white, white]) for paint in paints]
+    films = [Glaze([Layer(tint, 0.01)], 0.0) for tint in tints]
+    ours = np.stack([np.asarray(reflectance(film, Hemispherical(8.0, specular=False))) for film in films])
+    fresnel = 0.0400  # of index 1.5 at 8 degrees
+    grid = paints[0].wavelengths
+    for values, bound in ((0.03 + 0.97 * ours / (1 - fresnel), shared_light), (0.03 + ours, plainly)):
+        apart = colour.delta_e_2000(colour.lab(grid, theirs), colour.lab(grid, values))
+        assert apart.max() < bound
+
+
+def test_titanium_white_hides_as_assumed():
+    """Over a card that reads .8, a film of 76 micrometres reaches 98 % contrast."""
+    white = catalogue.pigment("TitaniumWhite", "acrylics")
+    entered = (0.8 - 0.03) / 0.97
+    grounds = (0.0, entered / (1 - 0.59634 + 0.59634 * entered))
+    black, card = (
+        0.03 + 0.97 / 0.96 * reflectance(Glaze([Layer(white, 76e-6)], ground), Hemispherical(8.0, specular=False))
+        for ground in grounds
+    )
+    luminance = [float(colour.xyz(white.wavelengths, film)[1]) for film in (black, card)]
+    assert luminance[0] / luminance[1] == pytest.approx(0.98, abs=1e-3)

@@ -3,6 +3,7 @@ from . import catalogue as catalogue
 from . import colour as colour
 from . import io as io
 from . import plots as plots
+from . import samples as samples
 from . import spectra as spectra
 from .geometry import Bidirectional as Bidirectional
 from .geometry import Hemispherical as Hemispherical

@@ -1,23 +1,25 @@
-"""Pigments that ship with the package: k and s fitted to measured paint films, each with its provenance.
+"""Pigments that ship with the package, each with its provenance: oil paints and acrylics.
 
-The numbers are in `pigments.csv` and what they rest on in `PROVENANCE.md`, beside this file. They were fitted together
-to pure films, tints and shades of unknown thickness, a typical one taken as 25 micrometres: how much stronger one paint
-is than another is known, their common scale is not. Where k and s could not be told apart, `Pigment.identifiable` is
-False and only k/s can be trusted.
+- "oils": k and s fitted together to pure films, tints and shades of unknown thickness, a typical one taken as 25
+  micrometres (`pigments.csv`, `PROVENANCE.md`). 400-700 nm.
+- "acrylics": k and s converted from Kubelka-Munk's K and S of Golden paints, with an assumed s of titanium white
+  (`acrylics.csv`, `ACRYLICS.md`). 380-750 nm. Their errors are not known, so there are no standard deviations.
+
+In each, how much stronger one paint is than another is known, their common scale is not: the two have two.
+Where k and s could not be told apart, `Pigment.identifiable` is False and only k/s can be trusted.
 """
 
-import csv
 import difflib
-import functools
 from collections.abc import Iterator, Mapping
-from importlib.resources import files
+from importlib.resources import as_file, files
+from typing import NamedTuple
 
-import numpy as np
-
+from ..paint.describe import format_length
 from ..paint.media import Pigment
+from ..paint.pigment_table import read_pigments
 
 ASSUMED_THICKNESS = 25e-6
-"""Thickness of a typical film in m, an assumption."""
+"""Thickness of a typical film of the oils in m, an assumption."""
 
 PROVENANCE = (
     "Fitted jointly to 58 films over black and over white from revigo-spectra (CC0 1.0): Geldof, Proaño Gaibor, "
@@ -26,6 +28,38 @@ PROVENANCE = (
     "paints scale with its inverse. Mixtures add k and s by mass. "
     "Integrating sphere d:8 with the specular part, refractive index 1.5."
 )
+
+ACRYLICS_PROVENANCE = (
+    "Converted from Kubelka-Munk's K and S of Golden heavy-body acrylics: Artist Paint Spectral Database (Rochester "
+    "Institute of Technology), as tabulated by Wacton.Unicolour (MIT, copyright 2022 William Acton), commit 4bf3d8c. "
+    "Masstones and 1:10 tints with titanium white reflect what K and S give under the source's Saunderson surface "
+    "(k1 = .03, k2 = .65). No length is given: the s of titanium white is taken as 500000 1/m at every wavelength, so "
+    "that 76 micrometres of it hide black to 98 %; k and s of all paints scale with it. Mixtures add k and s by "
+    "weight. Integrating sphere at 8 degrees without the specular part, refractive index 1.5."
+)
+
+
+class _Shipped(NamedTuple):
+    """What is known of a catalogue before it is read."""
+
+    file: str
+    provenance: str
+    scale: str
+
+
+_SHIPPED = {
+    "oils": _Shipped(
+        "pigments.csv",
+        PROVENANCE,
+        "pigments of the catalogue were fitted to films of unknown thickness, taken as "
+        + format_length(ASSUMED_THICKNESS),
+    ),
+    "acrylics": _Shipped(
+        "acrylics.csv",
+        ACRYLICS_PROVENANCE,
+        f"pigments come from K and S without lengths; {format_length(76e-6)} of titanium white are taken to hide black",
+    ),
+}
 
 
 class Catalogue(Mapping[str, Pigment]):
@@ -63,49 +97,42 @@ def _unknown(name: str, known: tuple[str, ...]) -> str:
     return f"unknown pigment {name!r}; the catalogue has {', '.join(known)}"
 
 
-def load() -> Catalogue:
-    """The catalogue: a mapping from name to `Pigment`, on 400-700 nm step 10, k and s in 1/m.
+def names() -> tuple[str, ...]:
+    """Names of the catalogues that ship; the first is the default."""
+    return tuple(_SHIPPED)
+
+
+def load(name: str = "oils") -> Catalogue:
+    """A catalogue: a mapping from name to `Pigment`, k and s in 1/m.
 
     The pigments are made in the precision that JAX is set to when this is called.
-    """
-    return Catalogue(
-        {
-            name: Pigment(
-                name,
-                table[:, 0],
-                table[:, 1],
-                table[:, 2],
-                absorption_sd=table[:, 3],
-                scattering_sd=table[:, 4],
-                identifiable=table[:, 5] > 0,
-                provenance=PROVENANCE,
-            )
-            for name, table in _tables().items()
-        }
-    )
 
-
-def pigment(name: str) -> Pigment:
-    """One pigment of the catalogue.
+    Args:
+        name: "oils" (400-700 nm step 10) or "acrylics" (380-750 nm step 10, without standard deviations).
 
     Raises:
-        ValueError: there is none of that name; the message lists the nearest names.
+        ValueError: there is no catalogue of that name; the message lists them.
     """
+    if name not in _SHIPPED:
+        raise ValueError(f"there is no catalogue {name!r}; choose from {', '.join(_SHIPPED)}")
+    shipped = _SHIPPED[name]
+    with as_file(files(__name__).joinpath(shipped.file)) as path:
+        return Catalogue(read_pigments(path, shipped.provenance))
+
+
+def pigment(name: str, catalogue: str = "oils") -> Pigment:
+    """One pigment of a catalogue.
+
+    Raises:
+        ValueError: there is no catalogue of that name, or it has none of this; the message lists the nearest names.
+    """
+    shelf = load(catalogue)
     try:
-        return load()[name]
+        return shelf[name]
     except KeyError as error:
         raise ValueError(error.args[0]) from None
 
 
-@functools.cache
-def _tables() -> dict[str, np.ndarray]:
-    """Numbers of each pigment: wavelength, k, s, their standard deviations, 1 where identifiable."""
-    rows: dict[str, list[list[float]]] = {}
-    text = files(__name__).joinpath("pigments.csv").read_text(encoding="utf-8")
-    reader = csv.DictReader(line for line in text.splitlines() if not line.startswith("#"))
-    for row in reader:
-        numbers = [
-            float(row[key]) for key in ("wavelength_nm", "absorption", "scattering", "absorption_sd", "scattering_sd")
-        ]
-        rows.setdefault(row["pigment"], []).append([*numbers, float(row["identifiable"] == "True")])
-    return {name: np.array(values) for name, values in rows.items()}
+def assumed_scale(paint: Pigment) -> str | None:
+    """What the catalogue that a pigment is from takes for granted about lengths, a clause; None for one's own."""
+    return next((s.scale for s in _SHIPPED.values() if s.provenance == paint.provenance), None)

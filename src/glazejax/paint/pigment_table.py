@@ -24,12 +24,12 @@ class _Lines:
     identifiable: list[bool] = field(default_factory=list)
 
 
-def read_pigments(path: str | Path) -> dict[str, Pigment]:
+def read_pigments(path: str | Path, provenance: str = "") -> dict[str, Pigment]:
     """Read pigments from a CSV file.
 
     Columns, in any order and found by their titles: pigment, wavelength_nm, absorption (k, 1/m), scattering
     (s, 1/m), and optionally absorption_sd, scattering_sd (1/m) and identifiable (true or false). Other columns
-    are left alone; lines that start with # are kept as the pigments' provenance.
+    are left alone; lines that start with # are kept as the pigments' provenance, unless another is given.
 
     Returns:
         name -> pigment, in the order of the file.
@@ -48,7 +48,7 @@ def read_pigments(path: str | Path) -> dict[str, Pigment]:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except UnicodeDecodeError:
         raise ValueError(f"{path}: not UTF-8 text; a table of pigments is a CSV file") from None
-    comments = [line.lstrip("# ").strip() for line in lines if line.startswith("#")]
+    comments = " ".join(line.lstrip("# ").strip() for line in lines if line.startswith("#"))
     numbered = [(i, line) for i, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")]
     if not numbered:
         raise ValueError(f"{path}: the file is empty")
@@ -67,7 +67,7 @@ def read_pigments(path: str | Path) -> dict[str, Pigment]:
         _add(pigments, where, dict(zip(header, cells, strict=True)))
     if not pigments:
         raise ValueError(f"{path}: there is a header but no pigment below it")
-    return {name: _pigment(path, name, rows, " ".join(comments)) for name, rows in pigments.items()}
+    return {name: _pigment(path, name, rows, provenance or comments) for name, rows in pigments.items()}
 
 
 def _add(pigments: dict[str, _Lines], where: str, row: dict[str, str]) -> None:

@@ -1,0 +1,10 @@
+"""`python -m glazejax.samples` prints where the films are, for a command line; `... recipes` where the recipes are."""
+
+import sys
+
+from . import path
+
+try:
+    print(path(*sys.argv[1:2]))
+except ValueError as error:
+    sys.exit(str(error))
