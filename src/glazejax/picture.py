@@ -14,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from . import colour
+from .chebyshev_table import MOST_AXES, thickness_table
 from .extras import require
 from .geometry import Bidirectional, Geometry, Hemispherical
 from .paint.media import Glaze, Layer, Mixture, Pigment
@@ -21,7 +22,6 @@ from .radiative.common.fresnel import dielectric_reflectance
 from .radiative.plan.plan import ALL, Savings, plan_stacks
 from .radiative.plan.reduction import distinct
 from .spectra import Numbers, as_array, concrete
-from .thickness_table import MOST_AXES, thickness_table
 
 # Share of the colour difference left to the interpolation, and solver tolerance for one unit of it: near black, where
 # colour differences are most sensitive, an error of 1e-5 in one of X, Y, Z makes about 0.06.

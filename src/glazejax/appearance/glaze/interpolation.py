@@ -14,10 +14,10 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
+from ...chebyshev_table import Axis, coefficients_from_nodes, in_pieces, polynomials, product, roots
 from ...paint.media import Glaze
 from ...radiative.common.fresnel import cos_refracted, dielectric_reflectance
 from ...spectra import Grid, Numbers, as_float_array
-from .nodes import Range, held, lagrange, product, stretch
 from .solve import fixed_thickness, indices, on_grid, on_nodes
 
 # Numbers held at once by the interpolation.
@@ -42,7 +42,7 @@ class GlazeTable(NamedTuple):
     refractive_index: Float[Array | np.ndarray, "bands"]
     thickness: Float[Array | np.ndarray, "thickness"]
     """Nodes, m; one entry, the layer's thickness (0 for a glaze without layers), if it does not vary."""
-    ranges: tuple[Range, Range, Range]
+    ranges: tuple[Axis, Axis, Axis]
     """Angles (as cosines in air) and thicknesses that the table is for."""
     coordinate_index: Array | float
     """Index whose cosines inside are the coordinates of the angles."""
@@ -75,7 +75,7 @@ class GlazeTable(NamedTuple):
             )
         depth = self.thickness[0] if thickness is None else thickness
         points = jnp.broadcast_arrays(*(as_float_array(values) for values in (cos_in, cos_out, depth)))
-        return _in_pieces(self, *points)
+        return _evaluate(self, *points)
 
     def mirror(self, cos_in: Numbers) -> Float[Array, "*batch bands"]:
         """Fresnel reflectance of the outer surface, (..., bands): what a mirror reflection carries.
@@ -101,7 +101,7 @@ class GlazeTable(NamedTuple):
         return self._replace(
             table=on_nodes(glaze, self.cos_in, self.cos_out, depths if varies else None, layer, tolerance),
             thickness=depths,
-            ranges=self.ranges if varies else (*self.ranges[:2], Range(depths[0], depths[0])),
+            ranges=self.ranges if varies else (*self.ranges[:2], Axis(depths[0], depths[0])),
             refractive_index=indices(glaze, self.refractive_index.shape[0]),
         )
 
@@ -131,13 +131,15 @@ def evaluate(table: GlazeTable, flat: Any, points: Any, xp: ModuleType) -> Any:
         points: cosines of incidence and viewing in air, and thickness in m.
         xp: numpy or jax.numpy, as the arrays are.
     """
-    count = points.shape[1]
-    a, b = (held(points[k], span, xp) for k, span in enumerate(table.ranges[:2]))
-    along = [_angle_weights(table, axis, c, xp) for axis, c in enumerate((a, b))]
-    weights = (along[0][:, :, None] * along[1][:, None, :]).reshape(count, -1)
+    a, b = (span.held(points[k], xp) for k, span in enumerate(table.ranges[:2]))
+    weights = _angle_weights(table, 0, a, xp)
+    others = [_angle_weights(table, 1, b, xp)]
     if table.thickness.shape[0] > 1:
-        third = _thickness_weights(table, points[2], xp)
-        weights = (weights[:, :, None] * third[:, None, :]).reshape(count, -1)
+        span = table.ranges[2]
+        others.append(_lagrange(span.coordinate(span.held(points[2], xp), xp), table.thickness.shape[0], xp))
+    # All products at once, and one product of matrices: quicker than axis after axis where there are many bands.
+    for along in others:
+        weights = (weights[:, :, None] * along[:, None, :]).reshape(points.shape[1], -1)
     index = table.refractive_index
     through = [1.0 - dielectric_reflectance(c[:, None], index) for c in (a, b)]
     total = cos_refracted(a[:, None], index) + cos_refracted(b[:, None], index)
@@ -145,34 +147,26 @@ def evaluate(table: GlazeTable, flat: Any, points: Any, xp: ModuleType) -> Any:
 
 
 @jax.jit
-def _in_pieces(table: GlazeTable, cos_in: Array, cos_out: Array, depth: Array) -> Float[Array, "*batch bands"]:
+def _evaluate(table: GlazeTable, cos_in: Array, cos_out: Array, depth: Array) -> Float[Array, "*batch bands"]:
     """`evaluate`, a bounded number of points at a time."""
     bands, nodes = table.table.shape[0], int(np.prod(table.table.shape[1:]))
     flat = interior(table, jnp).reshape(bands, nodes).T
-    points = jnp.stack([cos_in.ravel(), cos_out.ravel(), depth.ravel()])
-    count = points.shape[1]
-    chunk = max(64, _CHUNK_NUMBERS // (nodes + 4 * bands))
-    if count <= chunk:
-        values = evaluate(table, flat, points, jnp)
-    else:
-        pieces = -(-count // chunk)
-        size = -(-count // pieces)
-        padded = jnp.pad(points, ((0, 0), (0, pieces * size - count)), mode="edge")
-        listed = jnp.moveaxis(padded.reshape(3, pieces, size), 1, 0)
-        values = jax.lax.map(lambda part: evaluate(table, flat, part, jnp), listed).reshape(-1, bands)[:count]
+    points = jnp.stack([cos_in.ravel(), cos_out.ravel(), depth.ravel()], axis=1)
+    size = _CHUNK_NUMBERS // (nodes + 4 * bands)
+    values = in_pieces(lambda point: evaluate(table, flat, point[:, None], jnp)[0], points, size)
     return values.reshape(*cos_in.shape, bands)
 
 
 def _angle_weights(table: GlazeTable, axis: int, cosine: Any, xp: ModuleType) -> Any:
     """Lagrange's polynomials of the nodes, (points, nodes), at cosines within the range."""
-    nodes, span = (table.cos_in, table.cos_out)[axis], table.ranges[axis]
-    ends = [cos_refracted(xp.asarray(end, cosine.dtype), table.coordinate_index) for end in (span.low, span.high)]
-    return lagrange(cos_refracted(cosine, table.coordinate_index), ends[0], ends[1], nodes.shape[0], xp)
+    count = table.table.shape[1 + axis]
+    if count == 1:
+        return xp.ones((*cosine.shape, 1), cosine.dtype)
+    ends = (cos_refracted(xp.asarray(end), table.coordinate_index) for end in table.ranges[axis][:2])
+    return _lagrange(Axis(*ends).coordinate(cos_refracted(cosine, table.coordinate_index), xp), count, xp)
 
 
-def _thickness_weights(table: GlazeTable, depth: Any, xp: ModuleType) -> Any:
-    """Lagrange's polynomials of the thickness nodes, (points, nodes)."""
-    span = table.ranges[2]
-    ends = [stretch(xp.asarray(end, depth.dtype), span, xp) for end in (span.low, span.high)]
-    x = stretch(held(depth, span, xp), span, xp)
-    return lagrange(x, ends[0], ends[1], table.thickness.shape[0], xp)
+def _lagrange(x: Any, count: int, xp: ModuleType) -> Any:
+    """Lagrange's polynomials of the roots at x in [-1, 1], (points,): (points, nodes)."""
+    # By sums of Chebyshev polynomials: no division, so slopes are right at the nodes as well.
+    return product(polynomials(x, count, xp), xp.asarray(coefficients_from_nodes(roots, count), x.dtype), xp)

@@ -2,7 +2,7 @@
 
 A scene asks for millions of pairs of angles; `glaze_table` solves for a few nodes, only within the angles and
 thicknesses that the scene has, and adds nodes until the error at points not used before is below the tolerance.
-`GlazeTable` interpolates between them (see `glaze_interpolation`).
+`GlazeTable` interpolates between them (see `interpolation`).
 """
 
 import jax
@@ -10,17 +10,20 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 
+from ...chebyshev_table import (
+    CURVATURES,
+    SAFETY,
+    Axis,
+    axes_to_refine,
+    best_axis,
+    coefficients_from_nodes,
+    roots,
+    trial_line,
+)
 from ...paint.media import MAX_THICKNESS, Glaze, Layer
 from ...radiative.common.fresnel import cos_refracted
 from ...spectra import Grid, Numbers, concrete
 from .interpolation import GlazeTable, evaluate, interior
-from .nodes import (
-    Range,
-    coefficients_from_nodes,
-    stretch,
-    unit_nodes,
-    unstretch,
-)
 from .solve import (
     fixed_thickness,
     indices,
@@ -43,13 +46,9 @@ _TOGETHER = 0.5
 # The solver gets this share of the tolerance.
 _SOLVER_SHARE = 0.05
 _CHECKS = 48
-# The worst of all points lies above the worst of the check points.
-_SAFETY = 2.0
 # Grazing light is checked up to here: the solver takes no cosine of zero.
 _LEAST_COSINE = 1e-3
-# Curvatures of the thickness axis that are tried: nearly a square root, to logarithmic.
-_CURVATURES = (1.0, 10.0, 100.0, 1e3, 1e4)
-_TRIAL_POINTS, _TRIAL_DEGREE = 25, 7
+_TRIAL_DEGREE = 7
 
 
 def glaze_table(
@@ -94,7 +93,7 @@ def glaze_table(
     sizes = [0, 0]
     while True:
         built = building.table(sizes)
-        error = _SAFETY * float(np.max(building.missed(built, checks, truth))) + building.tolerance
+        error = SAFETY * float(np.max(building.missed(built, checks, truth))) + building.tolerance
         if error <= tolerance or not building.refine(sizes, built):
             return jax.tree.map(lambda leaf: jnp.asarray(leaf, float), built)._replace(error=error)
 
@@ -109,28 +108,25 @@ class _Building:
         self.inside = float(self.index.min())
         own = float(fixed_thickness(glaze, layer)[0])
         low, high = depths or (own, own)
-        first, second = (Range(*pair) for pair in cosines)
-        self.ranges = (first, second, Range(low, high))
+        first, second = (Axis(*pair) for pair in cosines)
+        self.ranges = (first, second, Axis(low, high))
         if self.varies:
-            self.ranges = (first, second, Range(low, high, self._best_curvature()))
+            self.ranges = (first, second, self._best_axis())
 
     def nodes(self, axis: int, count: int) -> np.ndarray:
         """Cosines, or thicknesses for axis 2, at the nodes of the coordinate; one node for an empty range."""
         span = self.ranges[axis]
-        low, high = float(span.low), float(span.high)
-        if low == high:
-            return np.array([low if axis == 2 else max(low, _LEAST_COSINE)])
-        u = unit_nodes(count)
+        if span.low == span.high:
+            return np.array([span.low if axis == 2 else max(span.low, _LEAST_COSINE)])
         if axis == 2:
-            return np.clip(unstretch(stretch(low, span, np), stretch(high, span, np), u, span), low, high)
-        ends = cos_refracted(np.array([low, high]), self.inside)
-        squared = self.inside**2 * ((ends[0] + u * (ends[1] - ends[0])) ** 2 - 1.0) + 1.0
-        return np.sqrt(np.clip(squared, low**2, high**2))
+            return span.point(roots(count))
+        ends = cos_refracted(np.array(span[:2]), self.inside)
+        squared = self.inside**2 * (Axis(*ends).point(roots(count)) ** 2 - 1.0) + 1.0
+        return np.sqrt(np.clip(squared, span.low**2, span.high**2))
 
     def random_points(self, rng: np.random.Generator, count: int) -> np.ndarray:
         """Points within the ranges, more of them towards the ends, (3, count)."""
-        spans = [(float(r.low), float(r.high)) for r in self.ranges]
-        points = np.stack([low + (high - low) * rng.beta(0.6, 0.6, count) for low, high in spans])
+        points = np.stack([r.low + (r.high - r.low) * rng.beta(0.6, 0.6, count) for r in self.ranges])
         points[:2] = np.clip(points[:2], _LEAST_COSINE, 1.0)
         return points
 
@@ -160,31 +156,23 @@ class _Building:
 
         def tail(axis: int) -> float:
             count = values.shape[axis]
-            last = coefficients_from_nodes(count)[-2:]
+            last = coefficients_from_nodes(roots, count)[-2:]
             return float(np.max(np.abs(np.tensordot(last, values, (1, axis))))) if count > 1 else 0.0
 
         tails = (max(tail(1), tail(2)), tail(3))
         room = (sizes[0] + 1 < len(_ANGLE_NODES), self.varies and sizes[1] + 1 < len(_THICKNESS_NODES))
-        largest = max((size for size, more in zip(tails, room, strict=True) if more), default=0.0)
-        grow = [k for k in (0, 1) if room[k] and tails[k] >= _TOGETHER * largest > 0.0]
-        for k in grow:
-            sizes[k] += 1
-        return bool(grow)
+        grow = axes_to_refine(tails, room, _TOGETHER)
+        for k in (0, 1):
+            sizes[k] += grow[k]
+        return any(grow)
 
-    def _best_curvature(self) -> float:
-        """Curvature for which a polynomial of low degree in the thickness comes nearest, amid the angles."""
-        low, high = float(self.ranges[2].low), float(self.ranges[2].high)
-        line = low + (high - low) * np.linspace(0.0, 1.0, _TRIAL_POINTS) ** 3
-        middle = [np.full(line.size, max(0.5 * (float(r.low) + float(r.high)), _LEAST_COSINE)) for r in self.ranges[:2]]
-        values = self.solve(np.stack([*middle, line]))
-        misses = []
-        for curvature in _CURVATURES:
-            span = Range(low, high, curvature)
-            ends = stretch(np.array([low, high]), span, np)
-            x = (2.0 * stretch(line, span, np) - ends.sum()) / (ends[1] - ends[0])
-            basis = np.polynomial.chebyshev.chebvander(x, _TRIAL_DEGREE)
-            misses.append(np.max(np.abs(values - basis @ np.linalg.lstsq(basis, values, rcond=None)[0])))
-        return _CURVATURES[int(np.argmin(misses))]
+    def _best_axis(self) -> Axis:
+        """The coordinate in which a polynomial of low degree in the thickness comes nearest, amid the angles."""
+        low, high, _ = self.ranges[2]
+        line = trial_line(low, high)
+        middle = [np.full(line.size, max(0.5 * (r.low + r.high), _LEAST_COSINE)) for r in self.ranges[:2]]
+        axes = [Axis(low, high, curvature) for curvature in CURVATURES]
+        return best_axis(axes, line, self.solve(np.stack([*middle, line])), _TRIAL_DEGREE)
 
 
 def _cosines(name: str, pair: tuple[float, float]) -> tuple[float, float]:

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from glazejax.thickness_table import Axis, thickness_table
+from glazejax.chebyshev_table import Axis, thickness_table
 
 
 def paint(points: np.ndarray) -> np.ndarray:

@@ -1,14 +1,19 @@
-"""A slowly varying function of one to three thicknesses, computed at few points and interpolated everywhere else.
+"""Chebyshev tables: a slowly varying function, computed at few nodes and interpolated everywhere else.
 
-Tensor Chebyshev interpolation: the reflectance of a stack, or any smooth function of it, is analytic in the
+`thickness_table` makes one of any smooth function of one to three thicknesses. A reflectance is analytic in the
 thickness of each layer but for a logarithm at zero, and levels off where a layer becomes opaque. A coordinate that
 crowds where a layer is thin makes few points do; it is chosen by trial along each axis. Points are added, axis by
-axis, until the error at fresh check points is small enough; points already computed are used again.
+axis, until the error at fresh check points is small enough; points already computed are used again. The tables of
+`glazejax.appearance.glaze` stand on the same coordinate, polynomials and rules; `xp` is numpy or jax.numpy.
+
+Source: L. N. Trefethen, Approximation Theory and Approximation Practice (2013), chapters 2 to 8.
 """
 
+import functools
 import math
-from collections.abc import Callable
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from types import ModuleType
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -29,13 +34,13 @@ _FIRST, _LAST = 5, 129
 # A few, and where these are good enough, more.
 _CHECKS = (32, 160)
 # The worst of all points lies above the worst of the check points.
-_SAFETY = 2.0
+SAFETY = 2.0
 # Axes whose last coefficients are within this factor of the largest are refined together.
 _TOGETHER = 0.25
 _SCAN = 25
 _SCAN_DEGREE = 8
 # Largest curvatures of the coordinate that are tried: the axis, in units of the thickness where it turns logarithmic.
-_CURVATURES = (0.0, 10.0, 100.0, 1e3, 1e4)
+CURVATURES = (1.0, 10.0, 100.0, 1e3, 1e4)
 # Below this part of the axis the square root turns linear, so that slopes stay finite at zero.
 _SOFT = 1e-5
 # Numbers of one chunk of points in the table's evaluation.
@@ -43,34 +48,114 @@ _CHUNK_NUMBERS = 2**21
 
 
 class Axis(NamedTuple):
-    """One axis and the coordinate in which the function is close to a polynomial."""
+    """One axis and the coordinate in which the function is close to a polynomial; numbers, or scalars of JAX."""
 
-    low: float
-    high: float
-    curvature: float
-    """0 for the coordinate x itself; else log(1 + sqrt(curvature x/high)), its root softened at zero."""
+    low: Any
+    high: Any
+    curvature: Any = 0.0
+    """0 (a Python number) for the coordinate x itself; else log(1 + sqrt(curvature x/high)), its root softened at
+    zero."""
 
-    def coordinate(self, x, xp=jnp):
+    def coordinate(self, x: Any, xp: ModuleType = jnp) -> Any:
         """From [low, high] to [-1, 1]."""
-        a, b = self._stretch(self.low, np), self._stretch(self.high, np)
+        a, b = self._stretch(self.low, xp), self._stretch(self.high, xp)
         return (2.0 * self._stretch(x, xp) - a - b) / (b - a)
 
-    def _stretch(self, x, xp):
-        if self.curvature == 0.0:
+    def _stretch(self, x: Any, xp: ModuleType) -> Any:
+        if isinstance(self.curvature, float) and self.curvature == 0.0:
             return x
         soft = _SOFT * self.high
-        root = (xp.sqrt(x + soft) - math.sqrt(soft)) * math.sqrt(self.curvature / self.high)
-        return xp.log1p(root)
+        return xp.log1p((xp.sqrt(x + soft) - xp.sqrt(soft)) * xp.sqrt(self.curvature / self.high))
 
     def point(self, coordinate: np.ndarray) -> np.ndarray:
-        """From [-1, 1] to [low, high]."""
+        """From [-1, 1] to [low, high], for known numbers."""
         a, b = self._stretch(self.low, np), self._stretch(self.high, np)
-        stretched = 0.5 * (a + b + coordinate * (b - a))
+        x = 0.5 * (a + b + coordinate * (b - a))
         if self.curvature != 0.0:
             soft = _SOFT * self.high
-            root = np.expm1(stretched) * math.sqrt(self.high / self.curvature) + math.sqrt(soft)
-            stretched = root**2 - soft
-        return np.clip(stretched, self.low, self.high)
+            x = (np.expm1(x) * math.sqrt(self.high / self.curvature) + math.sqrt(soft)) ** 2 - soft
+        return np.clip(x, self.low, self.high)
+
+    def held(self, x: Any, xp: ModuleType = jnp) -> Any:
+        """x moved into the range, with a whole slope at its ends, where `clip` would halve it."""
+        return xp.where(x < self.low, self.low, xp.where(x > self.high, self.high, x))
+
+
+def roots(count: int) -> Float[np.ndarray, "nodes"]:
+    """Nodes of the first kind in (-1, 1), ascending: for functions that the ends of the range would embarrass."""
+    return -np.cos(np.pi * (np.arange(count) + 0.5) / count)
+
+
+def extrema(count: int) -> Float[np.ndarray, "nodes"]:
+    """Nodes of the second kind in [-1, 1], descending; those of n are among those of 2n - 1."""
+    return np.cos(np.pi * np.arange(count) / (count - 1))
+
+
+@functools.cache
+def coefficients_from_nodes(nodes: Callable[[int], np.ndarray], count: int) -> Float[np.ndarray, "coefficients nodes"]:
+    """Matrix from values at the nodes, `roots` or `extrema`, to Chebyshev coefficients."""
+    return np.linalg.inv(chebyshev.chebvander(nodes(count), count - 1))
+
+
+def polynomials(x: Any, count: int, xp: ModuleType = jnp) -> Any:
+    """Chebyshev polynomials T_0 to T_(count - 1) at x, (points,): (points, count)."""
+    rows = [xp.ones_like(x), x]
+    while len(rows) < count:
+        rows.append(2.0 * x * rows[-1] - rows[-2])
+    return xp.stack(rows[:count], axis=-1)
+
+
+def product(first: Any, second: Any, xp: ModuleType) -> Any:
+    """Matrix product in full precision, on accelerators too."""
+    return np.matmul(first, second) if xp is np else xp.matmul(first, second, precision="highest")
+
+
+def trial_line(low: float, high: float) -> Float[np.ndarray, "points"]:
+    """Points of an axis for `best_axis`, from evenly spaced at the top to crowded near the low end."""
+    return low + (high - low) * np.linspace(0.0, 1.0, _SCAN) ** 3
+
+
+def best_axis(
+    axes: Sequence[Axis],
+    line: Float[np.ndarray, "points"],
+    values: Float[np.ndarray, "points n"],
+    degree: int,
+    gain: float = 1.0,
+) -> Axis:
+    """The axis in whose coordinate polynomials of a low degree come nearest to values along a line.
+
+    Args:
+        axes: candidates, the simplest first.
+        line: see `trial_line`.
+        values: at its points.
+        degree: of the polynomials.
+        gain: a later candidate must bring the error below this share of that of the best one before it.
+    """
+    best, least = axes[0], np.inf
+    for axis in axes:
+        basis = chebyshev.chebvander(axis.coordinate(line, np), degree)
+        error = np.max(np.abs(values - basis @ np.linalg.lstsq(basis, values, rcond=None)[0]))
+        if error < gain * least:
+            best, least = axis, error
+    return best
+
+
+def axes_to_refine(tails: Sequence[float], room: Sequence[bool], together: float) -> list[bool]:
+    """Axes whose last coefficients (`tails`) are large, among those with room for more nodes."""
+    largest = max((tail for tail, more in zip(tails, room, strict=True) if more), default=0.0)
+    return [more and tail >= together * largest for tail, more in zip(tails, room, strict=True)]
+
+
+def in_pieces(function: Callable[[Array], Array], points: Float[Array, "points n"], size: int) -> Array:
+    """A function of one point for many, about `size` at a time, so that memory stays bounded."""
+    count, many = points.shape[0], jax.vmap(function)
+    if count <= max(64, size):
+        return many(points)
+    # Equal pieces: `lax.map(batch_size=...)` compiles the function a second time, for what is left over.
+    pieces = -(-count // max(64, size))
+    padded = jnp.pad(points, ((0, -count % pieces), (0, 0)), mode="edge").reshape(pieces, -1, points.shape[1])
+    values = jax.lax.map(many, padded)
+    return values.reshape(-1, values.shape[-1])[:count]
 
 
 class ThicknessTable(eqx.Module):
@@ -107,32 +192,22 @@ class ThicknessTable(eqx.Module):
 
 @eqx.filter_jit
 def _evaluate(table: ThicknessTable, points: Array) -> Array:
-    def one(chunk: Array) -> Array:
-        values = table.coefficients
-        for k, axis in enumerate(table.axes):
-            x = axis.coordinate(jnp.clip(chunk[:, k], axis.low, axis.high))
-            basis = _basis(x, table.coefficients.shape[k])
-            if k == 0:
-                values = (basis @ values.reshape(basis.shape[1], -1)).reshape(-1, *values.shape[1:])
-            else:
-                values = jnp.einsum("pi,pi...->p...", basis, values)
-        return values
-
+    size = _CHUNK_NUMBERS // (math.prod(table.coefficients.shape[1:]) + sum(table.coefficients.shape))
     flat = points.reshape(-1, points.shape[-1])
-    chunk = max(64, _CHUNK_NUMBERS // (math.prod(table.coefficients.shape[1:]) + sum(table.coefficients.shape)))
-    pieces = max(1, -(-flat.shape[0] // chunk))
-    size = -(-flat.shape[0] // pieces)
-    padded = jnp.pad(flat, ((0, pieces * size - flat.shape[0]), (0, 0)), mode="edge") if flat.size else flat
-    out = jax.lax.map(one, padded.reshape(pieces, size, -1)).reshape(pieces * size, -1)
-    return out[: flat.shape[0]].reshape(*points.shape[:-1], -1)
+    values = in_pieces(lambda point: _interpolate(table.coefficients, table.axes, point[None], jnp)[0], flat, size)
+    return values.reshape(*points.shape[:-1], table.coefficients.shape[-1])
 
 
-def _basis(x: Array, count: int) -> Array:
-    """Chebyshev polynomials T_0 to T_(count - 1), (points, count)."""
-    rows = [jnp.ones_like(x), x]
-    while len(rows) < count:
-        rows.append(2.0 * x * rows[-1] - rows[-2])
-    return jnp.stack(rows[:count], axis=1)
+def _interpolate(coefficients: Any, axes: tuple[Axis, ...], points: Any, xp: ModuleType) -> Any:
+    """Values (points, channels). Axis after axis: with few channels quicker than the products of all polynomials."""
+    values = coefficients
+    for k, axis in enumerate(axes):
+        basis = polynomials(axis.coordinate(axis.held(points[:, k], xp), xp), coefficients.shape[k], xp)
+        if k == 0:
+            values = product(basis, values.reshape(basis.shape[1], -1), xp).reshape(-1, *values.shape[1:])
+        else:
+            values = xp.einsum("pi,pi...->p...", basis, values)
+    return values
 
 
 def thickness_table(
@@ -162,8 +237,6 @@ def thickness_table(
 
     Raises:
         ValueError: no axes or more than three, or a range that is empty, negative or not finite.
-
-    Source: L. N. Trefethen, Approximation Theory and Approximation Practice (2013), chapters 2 to 8.
     """
     low, high = np.atleast_1d(np.asarray(low, float)), np.atleast_1d(np.asarray(high, float))
     if not 1 <= low.size <= MOST_AXES or low.shape != high.shape:
@@ -173,9 +246,9 @@ def thickness_table(
             raise ValueError(f"the range {a:g} to {b:g} of an axis must be finite, not empty and not negative")
     distance = distance or (lambda one, two: np.max(np.abs(one - two), axis=-1))
     counter = _Counted(function)
-    axes = tuple(_best_axis(counter, k, low, high) for k in range(low.size))
+    axes = tuple(_choose_axis(counter, k, low, high) for k in range(low.size))
     rng = np.random.default_rng(0)
-    values = counter.grid(axes, [_extrema(_FIRST)] * len(axes))
+    values = counter.grid(axes, [extrema(_FIRST)] * len(axes))
     while True:
         coefficients = _coefficients(values)
         error = 0.0
@@ -184,11 +257,12 @@ def thickness_table(
                 points = rng.uniform(low, high, (checks, low.size))
             else:
                 points = samples[rng.integers(0, len(samples), checks)]
-            guess = _interpolate(coefficients, axes, points)
-            error = max(error, _SAFETY * float(np.max(distance(guess, counter(points)))))
+            guess = _interpolate(coefficients, axes, points, np)
+            error = max(error, SAFETY * float(np.max(distance(guess, counter(points)))))
             if error > tolerance:
                 break
-        grow = _axes_to_refine(coefficients)
+        tails = [float(np.max(np.abs(np.moveaxis(coefficients, k, 0)[-2:]))) for k in range(low.size)]
+        grow = axes_to_refine(tails, [n < _LAST for n in coefficients.shape[:-1]], _TOGETHER)
         after = math.prod(2 * n - 1 if g else n for n, g in zip(values.shape, grow, strict=False))
         if error <= tolerance or not any(grow) or after > most_points:
             dtype = jnp.result_type(float)
@@ -215,63 +289,28 @@ class _Counted:
         return self(mesh.reshape(-1, len(axes))).reshape(*mesh.shape[:-1], -1)
 
 
-def _best_axis(function: _Counted, k: int, low: np.ndarray, high: np.ndarray) -> Axis:
+def _choose_axis(function: _Counted, k: int, low: np.ndarray, high: np.ndarray) -> Axis:
     """The coordinate in which polynomials of a low degree come nearest, along two lines through the range."""
-    # From evenly spaced at the top to crowded near zero.
-    line = low[k] + (high[k] - low[k]) * np.linspace(0.0, 1.0, _SCAN) ** 3
+    line = trial_line(low[k], high[k])
     points = np.repeat((low + np.array([[0.1], [0.6]]) * (high - low))[:, None], _SCAN, axis=1)
     points[..., k] = line
     values = function(points.reshape(-1, low.size)).reshape(2, _SCAN, -1).transpose(1, 0, 2).reshape(_SCAN, -1)
-    best, least = None, np.inf
-    for curvature in _CURVATURES:
-        axis = Axis(float(low[k]), float(high[k]), curvature)
-        basis = chebyshev.chebvander(axis.coordinate(line, np), _SCAN_DEGREE)
-        miss = np.max(np.abs(values - basis @ np.linalg.lstsq(basis, values, rcond=None)[0]))
-        if best is None or miss < 0.8 * least:  # the simpler coordinate unless another one is clearly better
-            best, least = axis, miss
-    assert best is not None
-    return best
-
-
-def _extrema(count: int) -> np.ndarray:
-    return np.cos(np.pi * np.arange(count) / (count - 1))
+    axes = [Axis(float(low[k]), float(high[k]), curvature) for curvature in (0.0, *CURVATURES[1:])]
+    return best_axis(axes, line, values, _SCAN_DEGREE, gain=0.8)
 
 
 def _coefficients(values: np.ndarray) -> np.ndarray:
     """Chebyshev coefficients of values at the extrema along all axes but the last."""
-    for k in range(values.ndim - 1):
-        n = values.shape[k] - 1
-        transform = np.cos(np.pi * np.outer(np.arange(n + 1), np.arange(n + 1)) / n) * (2.0 / n)
-        transform[:, [0, -1]] *= 0.5
-        transform[[0, -1]] *= 0.5
-        values = np.moveaxis(np.tensordot(transform, values, (1, k)), 0, k)
+    for k, count in enumerate(values.shape[:-1]):
+        values = np.moveaxis(np.tensordot(coefficients_from_nodes(extrema, count), values, (1, k)), 0, k)
     return values
-
-
-def _interpolate(coefficients: np.ndarray, axes: tuple[Axis, ...], points: np.ndarray) -> np.ndarray:
-    """As the table does it, in double precision."""
-    counts = coefficients.shape[:-1]
-    bases = [chebyshev.chebvander(a.coordinate(x, np), n - 1) for a, x, n in zip(axes, points.T, counts, strict=True)]
-    values = np.tensordot(bases[0], coefficients, 1)
-    for basis in bases[1:]:
-        values = np.einsum("pi,pi...->p...", basis, values)
-    return values
-
-
-def _axes_to_refine(coefficients: np.ndarray) -> list[bool]:
-    """Axes whose last coefficients are large, among those that may still grow."""
-    axes = range(coefficients.ndim - 1)
-    tails = [np.max(np.abs(np.moveaxis(coefficients, k, 0)[-2:])) for k in axes]
-    may = [coefficients.shape[k] < _LAST for k in axes]
-    largest = max((tail for tail, ok in zip(tails, may, strict=True) if ok), default=0.0)
-    return [ok and tail >= _TOGETHER * largest for tail, ok in zip(tails, may, strict=True)]
 
 
 def _refine(function: _Counted, axes: tuple[Axis, ...], values: np.ndarray, k: int) -> np.ndarray:
     """Twice the intervals along one axis; only the new points are computed."""
     count = 2 * values.shape[k] - 1
-    coordinates = [_extrema(n) for n in values.shape[:-1]]
-    coordinates[k] = _extrema(count)[1::2]
+    coordinates = [extrema(n) for n in values.shape[:-1]]
+    coordinates[k] = extrema(count)[1::2]
     new = np.moveaxis(function.grid(axes, coordinates), k, 0)
     out = np.empty((count, *new.shape[1:]))
     out[0::2], out[1::2] = np.moveaxis(values, k, 0), new
