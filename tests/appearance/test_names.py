@@ -21,7 +21,7 @@ def test_nothing_is_loaded_unasked():
     code = (
         "import sys, glazejax.appearance as a; before = set(sys.modules); a.Sphere; "
         "loaded = {m for m in before | set(sys.modules) if m.startswith('glazejax.appearance.')}; "
-        "print(sorted(loaded & before), 'glazejax.appearance.scene.scene' in loaded, "
+        "print(sorted(loaded & before), 'glazejax.appearance.scene.shapes' in loaded, "
         "sorted({'colour', 'matplotlib', 'trimesh'} & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)

@@ -1,8 +1,12 @@
 """The ray caster against closed forms: single rays, a Lambert sphere, shadow edges, mirrors in mirrors, meshes."""
 
+import importlib.util
+import sys
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import trimesh
 
 from glazejax.appearance.scene.intersect import Hit, make_geometry, nearest, rotation, surface
 from glazejax.appearance.scene.lights import ParallelLight, PointLight
@@ -69,7 +73,7 @@ def bumpy(count=24):
     return Mesh("m", points, np.concatenate([np.stack([a, b, c], 1), np.stack([b, d, c], 1)]))
 
 
-def test_tree_finds_what_trying_all_triangles_finds():
+def test_rays_find_what_trying_all_triangles_finds():
     mesh = bumpy()
     rng = np.random.default_rng(0)
     origin, direction = rng.normal(size=(300, 3)) * 2, rng.normal(size=(300, 3))
@@ -89,8 +93,50 @@ def test_tree_finds_what_trying_all_triangles_finds():
     )
 
 
+def test_rays_from_a_mesh_do_not_meet_where_they_start():
+    """Embree counts in single precision: whether a ray leaves its triangle is not left to it."""
+    ball = trimesh.creation.icosphere(subdivisions=4)
+    for size, far in ((1.0, 0.0), (1e-3, 0.0), (30.0, 1000.0)):
+        mesh = Mesh("m", size * ball.vertices + far, ball.faces)
+        geometry = make_geometry([mesh], MATERIALS)
+        middle = mesh.vertices[mesh.faces].mean(axis=1)
+        outward = ball.face_normals
+        across = np.cross(outward, [0.3, 0.5, 0.8])
+        across /= np.linalg.norm(across, axis=1, keepdims=True)
+        for slope in (1.0, 1e-2, 1e-4):
+            away = across + slope * outward
+            away /= np.linalg.norm(away, axis=1, keepdims=True)
+            leave = nearest(geometry, jnp.asarray(middle + geometry.clearance * outward), jnp.asarray(away))
+            assert np.all(leave.shape == -1)
+        # Straight through, to the other side of the ball.
+        inward = nearest(geometry, jnp.asarray(middle - geometry.clearance * outward), jnp.asarray(-outward))
+        assert np.all(inward.shape == 0)
+        np.testing.assert_allclose(inward.distance, 2 * size, rtol=0.02)
+
+
+def test_triangles_that_touch_leave_no_gap_and_edges_seen_end_on_do_no_harm():
+    cube = trimesh.creation.box((2, 2, 2))
+    geometry = make_geometry([Mesh("m", cube.vertices, cube.faces)], MATERIALS)
+    # Along the diagonal that two triangles share, through a corner, and past the cube in the plane of a face.
+    origin = jnp.asarray([[5.0, y, y] for y in np.linspace(-0.99, 0.99, 23)] + [[5.0, 1.0 + 1e-5, 0.0]])
+    hit = nearest(geometry, origin, jnp.broadcast_to(jnp.asarray([-1.0, 0.0, 0.0]), origin.shape))
+    np.testing.assert_allclose(hit.distance, [4.0] * 23 + [np.inf], rtol=1e-12)
+
+
+def test_a_mesh_without_trimesh_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "trimesh", None)
+    with pytest.raises(ValueError, match=r'pip install "glazejax\[scene\]"'):
+        make_geometry([bumpy(4)], MATERIALS)
+
+
+@pytest.mark.skipif(importlib.util.find_spec("rtree") is not None, reason="trimesh can cast rays without Embree")
+def test_a_mesh_without_an_engine_says_what_to_install(monkeypatch):
+    monkeypatch.setattr(trimesh.ray, "has_embree", False)
+    with pytest.raises(ValueError, match=r'embreex.*pip install "glazejax\[scene\]"'):
+        make_geometry([bumpy(4)], MATERIALS)
+
+
 def test_smooth_normals_are_those_of_a_sphere():
-    trimesh = pytest.importorskip("trimesh")
     ball = trimesh.creation.icosphere(subdivisions=4)
     mesh = Mesh("m", ball.vertices, ball.faces, ball.vertices)
     hit, found = hit_of(mesh, (0.3, -5, 0.4), (0, 1, 0))

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 from typer.testing import CliRunner
 
 from glazejax.appearance.scene import file as scene_file
@@ -163,7 +164,6 @@ def test_measured_reflectances_and_maps(write, tmp_path):
 
 
 def test_meshes_are_read_and_placed(write, tmp_path):
-    trimesh = pytest.importorskip("trimesh")
     trimesh.creation.box((1, 2, 4)).export(tmp_path / "v.obj")
     text = SMALL.replace(
         'shape = "sphere"\ncentre = [0, 0, 1]\nradius = 1',

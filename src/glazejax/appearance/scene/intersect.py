@@ -1,26 +1,20 @@
 """Where rays meet spheres, planes, boxes and triangles, and what the surface is like there.
 
-All rays at once against every sphere, plane and box; triangles through a tree (`raycast_mesh`). Everything is arrays,
-so that a scene of the same make-up runs the same compiled program.
+All rays at once against every sphere, plane and box, in JAX; triangles by trimesh on the host (`triangles`). All that
+JAX sees is arrays, so that a scene of the same make-up runs the same compiled program.
 """
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ...spectra import Numbers
-from .triangles import (
-    Triangles,
-    make_triangles,
-    nearest_triangle,
-    triangle_surface,
-)
-
-if TYPE_CHECKING:
-    from .shapes import Plane, Shape
+from .shapes import Box, Mesh, Plane, Shape, Sphere
+from .triangles import TriangleCaster, Triangles, make_triangles, triangle_surface
 
 # A shape so much smaller than the scene is met by a ray that leaves it, by rounding.
 _CLEARANCE = 1e-7
@@ -49,6 +43,13 @@ class Geometry(NamedTuple):
     """Number of each shape in the scene."""
     clearance: Float[np.ndarray, ""]
     """How far from a surface a new ray starts."""
+    caster: TriangleCaster | None
+    """Finds triangles; no array."""
+
+    @property
+    def arrays(self) -> "Geometry":
+        """What JAX may see of it."""
+        return self._replace(caster=None)
 
 
 class Hit(NamedTuple):
@@ -72,15 +73,16 @@ class Surface(NamedTuple):
     uv: Float[Array, "rays 2"]
 
 
-def make_geometry(shapes: "Sequence[Shape]", materials: Mapping[str, int]) -> Geometry:
+def make_geometry(shapes: Sequence[Shape], materials: Mapping[str, int]) -> Geometry:
     """Arrays of shapes.
 
     Args:
         shapes: of a scene.
         materials: number of each material.
-    """
-    from .shapes import Box, Mesh, Plane, Sphere
 
+    Raises:
+        ValueError: there is a mesh, but no trimesh.
+    """
     spheres = [shape for shape in shapes if isinstance(shape, Sphere)]
     planes = [shape for shape in shapes if isinstance(shape, Plane)]
     boxes = [shape for shape in shapes if isinstance(shape, Box)]
@@ -96,6 +98,7 @@ def make_geometry(shapes: "Sequence[Shape]", materials: Mapping[str, int]) -> Ge
         axis=None,
     )
     single = jnp.result_type(float) == jnp.float32
+    triangles = make_triangles(meshes, before) if meshes else None
     return Geometry(
         _rows([s.centre for s in spheres], 3),
         np.array([s.radius for s in spheres], float),
@@ -105,10 +108,11 @@ def make_geometry(shapes: "Sequence[Shape]", materials: Mapping[str, int]) -> Ge
         _rows([b.centre for b in boxes], 3),
         _rows([b.size for b in boxes], 3) / 2,
         np.array([rotation(b.rotation).T for b in boxes]).reshape(-1, 3, 3),
-        make_triangles(meshes, before) if meshes else None,
+        triangles,
         np.array([materials[shapes[k].material] for k in order]),
         np.array(order),
         np.array((_CLEARANCE_SINGLE if single else _CLEARANCE) * max(1.0, float(np.abs(ends).max()))),
+        None if triangles is None else TriangleCaster(triangles),
     )
 
 
@@ -116,7 +120,7 @@ def _rows(values: list, width: int) -> np.ndarray:
     return np.array(values, float).reshape(-1, width)
 
 
-def plane_frame(plane: "Plane") -> np.ndarray:
+def plane_frame(plane: Plane) -> np.ndarray:
     """Unit vectors along the width, along the height, and the normal, in rows."""
     normal = np.asarray(plane.normal, float) / np.linalg.norm(np.asarray(plane.normal, float))
     for guide in (np.asarray(plane.up, float), np.array([0.0, 1.0, 0.0]), np.array([1.0, 0.0, 0.0])):
@@ -155,9 +159,22 @@ def nearest(
         limit: (rays,), the distance up to which to look; endless if left out. A ray whose limit is not above 0 meets
             nothing.
     """
-    rays = origin.shape[0]
-    best = jnp.full(rays, jnp.inf, origin.dtype) if limit is None else limit
-    shape, part = jnp.full(rays, -1), jnp.zeros(rays, jnp.int32)
+    if limit is None:
+        limit = jnp.full(origin.shape[0], jnp.inf, origin.dtype)
+    best, shape = _nearest_solid(geometry.arrays, origin, direction, limit)
+    part = np.zeros(origin.shape[0], np.int32)
+    if geometry.caster is not None and geometry.triangles is not None:
+        rays = (np.array(a, np.float64) for a in (origin, direction, best))
+        best, triangle = geometry.caster.nearest(*rays)
+        part = np.maximum(triangle, 0)
+        shape = np.where(triangle >= 0, geometry.triangles.shape[part], shape)
+    return Hit(jnp.where(shape < 0, jnp.inf, best), jnp.asarray(shape), jnp.asarray(part))
+
+
+@jax.jit
+def _nearest_solid(geometry: Geometry, origin: Array, direction: Array, limit: Array) -> tuple[Array, Array]:
+    """Distance and number of the nearest sphere, plane or box; the limit and -1 where there is none."""
+    best, shape = limit, jnp.full(limit.shape, -1)
     before = 0
     for distances in (_spheres, _planes, _boxes):
         met = distances(geometry, origin, direction)
@@ -168,13 +185,7 @@ def nearest(
         shape = jnp.where(near < best, before + which, shape)
         best = jnp.minimum(near, best)
         before += met.shape[1]
-    if geometry.triangles is not None:
-        near, triangle = nearest_triangle(geometry.triangles, origin, direction, best)
-        closer = triangle >= 0
-        part = jnp.where(closer, triangle, part)
-        shape = jnp.where(closer, jnp.asarray(geometry.triangles.shape)[part], shape)
-        best = near
-    return Hit(jnp.where(shape < 0, jnp.inf, best), shape, part)
+    return best, shape
 
 
 def _spheres(geometry: Geometry, origin: Array, direction: Array) -> Array | None:

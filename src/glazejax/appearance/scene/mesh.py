@@ -2,12 +2,12 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from types import ModuleType
 
 import numpy as np
 
 from .intersect import rotation
 from .shapes import Mesh
+from .triangles import import_trimesh
 
 
 def read_mesh(
@@ -36,7 +36,7 @@ def read_mesh(
     path = Path(path)
     if not path.is_file():
         raise FileNotFoundError(f"there is no mesh {path}")
-    trimesh = _trimesh()
+    trimesh = import_trimesh()
     try:
         found = trimesh.load(path, force="mesh")
         vertices, faces = np.asarray(found.vertices, float), np.asarray(found.faces, int)
@@ -59,11 +59,3 @@ def read_mesh(
         np.asarray(found.vertex_normals, float) @ about.T if smooth else None,
         None if uv is None or len(uv) != len(vertices) else np.asarray(uv, float),
     )
-
-
-def _trimesh() -> ModuleType:
-    try:
-        import trimesh  # pyright: ignore[reportMissingImports]
-    except ImportError:
-        raise ValueError("meshes need trimesh: pip install 'glazejax[scene]'") from None
-    return trimesh

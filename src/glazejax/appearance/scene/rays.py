@@ -7,17 +7,16 @@ and only where there is something to see (`raycast_shade`).
 
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from .intersect import Geometry, nearest, surface
-
-if TYPE_CHECKING:
-    from .lights import Light
+from .intersect import Geometry, Hit, nearest, surface
+from .lights import Light, PointLight
+from .shapes import vector
 
 # Rays that go through the processor together, and the sizes that fewer of them are filled up to.
 TILE = 2**14
@@ -58,11 +57,8 @@ class Level(NamedTuple):
         return sum(array.nbytes for array in self)
 
 
-def lamps(lights: "Sequence[Light]") -> Lamps:
+def lamps(lights: Sequence[Light]) -> Lamps:
     """Places of the lights of a scene."""
-    from .lights import PointLight
-    from .shapes import vector
-
     place = [
         vector("position", light.position)
         if isinstance(light, PointLight)
@@ -73,15 +69,20 @@ def lamps(lights: "Sequence[Light]") -> Lamps:
 
 
 @partial(jax.jit, static_argnames=("point",))
-def _cast(geometry: Geometry, place: Array, origin: Array, direction: Array, point: tuple[bool, ...]):
-    """Nearest surface, lights there, and the ray that a mirror there sends on."""
-    hit = nearest(geometry, origin, direction)
+def _meet(geometry: Geometry, hit: Hit, place: Array, origin: Array, direction: Array, point: tuple[bool, ...]):
+    """What rays find where they arrive, before anything is in shadow.
+
+    Returns:
+        Numbers of shape and material, cosine of viewing and texture coordinates; then of each light, (lights, rays):
+        strength, cosine of its fall and that between view and light, unit vector to it and how far it is (-1 where
+        it is behind); then the place, and the direction in which a mirror there sends the ray on.
+    """
     found = jnp.isfinite(hit.distance)
     seen = surface(geometry, hit, origin, direction)
     clearance = jnp.asarray(geometry.clearance, origin.dtype)
     here = origin + jnp.where(found, hit.distance, 0.0)[:, None] * direction + clearance * seen.face
     cos_view = jnp.clip(-jnp.sum(seen.normal * direction, axis=-1), 0.0, 1.0)
-    strength, cos_light, between = [], [], []
+    lights = []
     for k, is_point in enumerate(point):
         away = place[k] - here if is_point else jnp.broadcast_to(place[k], here.shape)
         square = jnp.sum(away**2, axis=-1)
@@ -89,11 +90,9 @@ def _cast(geometry: Geometry, place: Array, origin: Array, direction: Array, poi
         towards = away / distance[:, None]
         cosine = jnp.clip(jnp.sum(seen.normal * towards, axis=-1), -1.0, 1.0)
         lit = found & (square > 0) & (cosine > 0) & (jnp.sum(seen.face * towards, axis=-1) > 0)
-        reach = distance if is_point else jnp.asarray(jnp.inf, here.dtype)
-        blocked = nearest(geometry, here, towards, jnp.where(lit, reach, -1.0)).shape >= 0
-        strength.append(jnp.where(lit & ~blocked, 1.0 / square if is_point else 1.0, 0.0))
-        cos_light.append(cosine)
-        between.append(jnp.clip(-jnp.sum(direction * towards, axis=-1), -1.0, 1.0))
+        strength = jnp.where(lit, 1.0 / distance**2 if is_point else 1.0, 0.0)
+        between = jnp.clip(-jnp.sum(direction * towards, axis=-1), -1.0, 1.0)
+        lights.append((strength, cosine, between, towards, jnp.where(lit, distance if is_point else jnp.inf, -1.0)))
     onward = direction + 2.0 * cos_view[:, None] * seen.normal
     # A smooth normal may send a ray into the face.
     into = jnp.sum(onward * seen.face, axis=-1)
@@ -101,8 +100,19 @@ def _cast(geometry: Geometry, place: Array, origin: Array, direction: Array, poi
     onward = onward / jnp.sqrt(jnp.sum(onward**2, axis=-1, keepdims=True))
     shape = jnp.where(found, jnp.asarray(geometry.order)[hit.shape], -1)
     material = jnp.where(found, jnp.asarray(geometry.material)[hit.shape], -1)
-    lights = [jnp.stack(a, axis=-1) for a in (strength, cos_light, between)]
-    return shape, material, cos_view, seen.uv, *lights, here, onward
+    return shape, material, cos_view, seen.uv, *map(jnp.stack, zip(*lights, strict=True)), here, onward
+
+
+def _cast(geometry: Geometry, places: Lamps, origin: Array, direction: Array) -> tuple[np.ndarray | Array, ...]:
+    """Fields of a `Level` but the first, then where the rays are and the rays that mirrors there send on."""
+    hit = nearest(geometry, origin, direction)
+    place = jnp.asarray(places.place, origin.dtype)
+    *seen, strength, cos_light, between, towards, reach, here, onward = _meet(
+        geometry.arrays, hit, place, origin, direction, places.point
+    )
+    free = [nearest(geometry, here, *ray).shape < 0 for ray in zip(towards, reach, strict=True)]
+    lights = [np.asarray(a).T for a in (strength * jnp.stack(free), cos_light, between)]
+    return *seen, *lights, here, onward
 
 
 def trace(
@@ -170,6 +180,6 @@ def _in_pieces(geometry: Geometry, places: Lamps, origin: np.ndarray, direction:
         rays = [
             np.pad(np.asarray(a[piece], float_type), ((0, size - count), (0, 0)), "edge") for a in (origin, direction)
         ]
-        out = _cast(geometry, jnp.asarray(places.place, float_type), *map(jnp.asarray, rays), places.point)
+        out = _cast(geometry, places, *map(jnp.asarray, rays))
         pieces.append([np.asarray(a)[:count] for a in out])
     return tuple(np.concatenate(column) for column in zip(*pieces, strict=True))

@@ -1,29 +1,25 @@
-"""Rays against many triangles, through a tree of boxes.
+"""Rays against the triangles of meshes: trimesh names the triangle, and the distance follows in double precision.
 
-The tree is flat: nodes stand in the order in which a ray visits them, each with the node to go to when its box is
-missed. A ray therefore needs no stack, only the number of its next node, and all rays walk in step until the last one
-is through.
+trimesh asks Embree where embreex is installed, and searches itself otherwise, much slower. Embree counts in single
+precision: a ray may be said to meet the triangle that it starts from, and then looks again from a little further on.
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
+from types import ModuleType
+from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-if TYPE_CHECKING:
-    from .shapes import Mesh
+from .shapes import Mesh
 
-# Triangles of a leaf; all of them are tried in every step.
-_LEAF = 2
-# Rays that walk in step.
-_BLOCK = 256
+# First step away from a triangle that a ray is wrongly said to meet, in radii of all meshes; each next is doubled.
+_STEP = 1e-6
 
 
 class Triangles(NamedTuple):
-    """Triangles of all meshes, sorted along a tree of boxes."""
+    """Triangles of all meshes."""
 
     corner: Float[np.ndarray, "triangles 3"]
     edge1: Float[np.ndarray, "triangles 3"]
@@ -33,18 +29,10 @@ class Triangles(NamedTuple):
     uv: Float[np.ndarray, "triangles 3 2"]
     shape: Int[np.ndarray, "triangles"]
     """Number of the mesh among all shapes."""
-    low: Float[np.ndarray, "nodes 3"]
-    high: Float[np.ndarray, "nodes 3"]
-    first: Int[np.ndarray, "nodes"]
-    """First triangle of a leaf."""
-    held: Int[np.ndarray, "nodes"]
-    """Triangles of a leaf; 0 for the others."""
-    skip: Int[np.ndarray, "nodes"]
-    """The node to go to where the box is missed, or after a leaf."""
 
 
-def make_triangles(meshes: "Sequence[Mesh]", before: int) -> Triangles:
-    """Arrays and tree of all triangles.
+def make_triangles(meshes: Sequence[Mesh], before: int) -> Triangles:
+    """Arrays of all triangles.
 
     Args:
         meshes: at least one.
@@ -66,153 +54,95 @@ def make_triangles(meshes: "Sequence[Mesh]", before: int) -> Triangles:
             normals.append(np.where(length > 0, smooth / np.where(length > 0, length, 1.0), flat[:, None]))
         uv.append(np.zeros((len(faces), 3, 2)) if mesh.uv is None else np.asarray(mesh.uv, float)[faces])
         shape.append(np.full(len(faces), before + k))
-    points, numbers = np.concatenate(corners), np.concatenate(shape)
-    order, nodes = _tree(points)
-    points = points[order]
+    points = np.concatenate(corners)
     return Triangles(
         points[:, 0],
         points[:, 1] - points[:, 0],
         points[:, 2] - points[:, 0],
-        np.concatenate(normals)[order],
-        np.concatenate(uv)[order],
-        numbers[order],
-        *nodes,
+        np.concatenate(normals),
+        np.concatenate(uv),
+        np.concatenate(shape),
     )
 
 
-def _tree(points: Float[np.ndarray, "triangles 3 3"]) -> tuple[np.ndarray, tuple[np.ndarray, ...]]:
-    """Order of the triangles and, node by node, low, high, first, count, skip; halves at the median of the centres."""
-    low, high = points.min(axis=1), points.max(axis=1)
-    centre = 0.5 * (low + high)
-    order: list[np.ndarray] = []
-    lows: list[np.ndarray] = []
-    highs: list[np.ndarray] = []
-    first: list[int] = []
-    count: list[int] = []
-    skip: list[int] = []
-    done = 0
-    # A number closes the node of that number: what comes after it is known then.
-    pending: list[np.ndarray | int] = [np.arange(len(points))]
-    while pending:
-        members = pending.pop()
-        if isinstance(members, int):
-            skip[members] = len(lows)
-            continue
-        node = len(lows)
-        lows.append(low[members].min(axis=0))
-        highs.append(high[members].max(axis=0))
-        skip.append(node + 1)
-        leaf = len(members) <= _LEAF
-        first.append(done if leaf else 0)
-        count.append(len(members) if leaf else 0)
-        if leaf:
-            order.append(members)
-            done += len(members)
-            continue
-        spread = centre[members]
-        axis = int(np.argmax(spread.max(axis=0) - spread.min(axis=0)))
-        sorted_members = members[np.argsort(spread[:, axis], kind="stable")]
-        half = len(members) // 2
-        pending += [node, sorted_members[half:], sorted_members[:half]]
-    return np.concatenate(order), (np.array(lows), np.array(highs), np.array(first), np.array(count), np.array(skip))
+def import_trimesh() -> ModuleType:
+    """The library that reads meshes and casts rays at them.
 
-
-def nearest_triangle(
-    triangles: Triangles,
-    origin: Float[Array, "rays 3"],
-    direction: Float[Array, "rays 3"],
-    limit: Float[Array, "rays"],
-) -> tuple[Float[Array, "rays"], Int[Array, "rays"]]:
-    """Distance and number of the nearest triangle nearer than the limit; the limit and -1 where there is none.
-
-    Source: T. Möller, B. Trumbore, Journal of Graphics Tools 2 (1997) 21, for the single triangle.
+    Raises:
+        ValueError: it is not there.
     """
-    # Rays that miss everything go last; small blocks then end with their own last ray rather than with that of all.
-    enter, leave = _through(jnp.asarray(triangles.low[0]), jnp.asarray(triangles.high[0]), origin, _slope(direction))
-    misses = ~((limit > 0) & (enter <= leave) & (leave >= 0) & (enter < limit))
-    order = jnp.argsort(misses, stable=True)
-    reach = jnp.where(misses, -1.0, limit)
-    blocks = -(-origin.shape[0] // _BLOCK)
-    fill = blocks * _BLOCK - origin.shape[0]
-    rays = [
-        jnp.pad(a[order], ((0, fill), *(((0, 0),) * (a.ndim - 1))), mode="edge") for a in (origin, direction, reach)
-    ]
-    rays = [a.reshape(blocks, _BLOCK, *a.shape[1:]) for a in rays]
-    found = jax.lax.map(lambda block: _walk(triangles, *block), tuple(rays))
-    back = jnp.argsort(order)
-    best: Array = found[0].reshape(-1)[back]
-    return jnp.where(misses, limit, best), found[1].reshape(-1)[back]
+    try:
+        import trimesh  # pyright: ignore[reportMissingImports]
+    except ImportError:
+        raise ValueError('meshes need trimesh: pip install "glazejax[scene]"') from None
+    return trimesh
 
 
-def _slope(direction: Array) -> Array:
-    """One over the direction; a ray along an axis gets a slope that is tiny but not zero, so that no 0/0 can arise."""
-    return 1.0 / jnp.where(jnp.abs(direction) < 1e-30, 1e-30, direction)
+class TriangleCaster:
+    """Finds the nearest of many triangles for rays; works on the host, outside JAX.
 
+    Raises:
+        ValueError: trimesh is not there, or neither of the engines that it casts rays with.
+    """
 
-def _through(low: Array, high: Array, origin: Array, slope: Array) -> tuple[Array, Array]:
-    """Distances at which rays enter and leave boxes; coordinates on the last axis."""
-    ends = [[(side[..., k] - origin[..., k]) * slope[..., k] for side in (low, high)] for k in range(3)]
-    near, far = [jnp.minimum(a, b) for a, b in ends], [jnp.maximum(a, b) for a, b in ends]
-    enter = jnp.maximum(jnp.maximum(near[0], near[1]), near[2])
-    leave = jnp.minimum(jnp.minimum(far[0], far[1]), far[2])
-    return enter, leave * (1 + 1e-12)
+    def __init__(self, triangles: Triangles):
+        trimesh = import_trimesh()
+        self._triangles = triangles
+        corners = triangles.corner[:, None] + np.stack([0 * triangles.edge1, triangles.edge1, triangles.edge2], axis=1)
+        points = corners.reshape(-1, 3)
+        self._middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
+        points = points - self._middle
+        self._radius = 1.001 * float(np.linalg.norm(points, axis=1).max())
+        self._engine = trimesh.Trimesh(points, np.arange(len(points)).reshape(-1, 3), process=False).ray
+        try:
+            self._engine.intersects_first(np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]))
+        except ImportError as error:
+            words = f'rays at meshes need embreex ({error}): pip install "glazejax[scene]"'
+            raise ValueError(words) from None
 
+    def nearest(
+        self,
+        origin: Float[np.ndarray, "rays 3"],
+        direction: Float[np.ndarray, "rays 3"],
+        limit: Float[np.ndarray, "rays"],
+    ) -> tuple[Float[np.ndarray, "rays"], Int[np.ndarray, "rays"]]:
+        """Distance and number of the nearest triangle nearer than the limit; the limit and -1 where there is none."""
+        best, triangle = limit.copy(), np.full(len(limit), -1)
+        # From where rays enter the sphere around all meshes: single precision is fine there.
+        offset = origin - self._middle
+        middle = -np.sum(offset * direction, axis=1)
+        half = np.sqrt(np.maximum(self._radius**2 - np.sum((offset + middle[:, None] * direction) ** 2, axis=1), 0.0))
+        start = np.maximum(middle - half, 0.0)
+        going = np.flatnonzero((half > 0) & (middle + half > 0) & (start < limit))
+        step = _STEP * self._radius
+        while going.size:
+            found = self._engine.intersects_first(
+                offset[going] + start[going, None] * direction[going], direction[going]
+            )
+            going, found = going[found >= 0], found[found >= 0]
+            distance, ahead = self._distance(found, origin[going], direction[going])
+            near = ahead & (distance < limit[going])
+            best[going[near]], triangle[going[near]] = distance[near], found[near]
+            going = going[~ahead]
+            start[going] += step
+            step *= 2
+        return best, triangle
 
-def _walk(triangles: Triangles, origin: Array, direction: Array, limit: Array) -> tuple[Array, Array]:
-    """One block of rays through the tree, in step."""
-    nodes = len(triangles.skip)
-    # Side by side, so that one look-up gets all.
-    boxes = jnp.concatenate([jnp.asarray(a) for a in (triangles.low, triangles.high)], axis=1)
-    links = jnp.stack([jnp.asarray(a, jnp.int32) for a in (triangles.first, triangles.held, triangles.skip)], axis=1)
-    corners = jnp.concatenate([jnp.asarray(a) for a in (triangles.corner, triangles.edge1, triangles.edge2)], axis=1)
-    slope = _slope(direction)
+    def _distance(self, which: np.ndarray, origin: np.ndarray, direction: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Distances of a triangle for each ray, and whether it lies ahead.
 
-    def walking(state: tuple[Array, Array, Array]) -> Array:
-        return jnp.any(state[0] < nodes)
-
-    def step(state: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
-        node, best, which = state
-        here = jnp.minimum(node, nodes - 1)
-        box, link = boxes[here], links[here]
-        first, held, skip = link[:, 0], link[:, 1], link[:, 2]
-        enter, leave = _through(box[:, :3], box[:, 3:], origin, slope)
-        inside = (node < nodes) & (enter <= leave) & (leave >= 0) & (enter < best)
-        for k in range(_LEAF):
-            trial = inside & (k < held)
-            t = jnp.where(trial, first + k, 0)
-            met = _distance(corners[t], origin, direction)
-            closer = trial & (met > 0) & (met < best)
-            best, which = jnp.where(closer, met, best), jnp.where(closer, t, which)
-        onward = jnp.where(inside & (held == 0), here + 1, skip)
-        return jnp.where(node < nodes, onward, node), best, which
-
-    start = jnp.where(limit > 0, 0, nodes).astype(jnp.int32)
-    _, best, which = jax.lax.while_loop(walking, step, (start, limit, jnp.full(limit.shape, -1, jnp.int32)))
-    return best, which
-
-
-def _distance(triangle: Float[Array, "rays 9"], origin: Array, direction: Array) -> Array:
-    """Distance of one triangle (corner and two edges) for each ray; infinite where missed or edge-on."""
-    # Coordinate by coordinate: sums over an axis of three run much slower.
-    corner, edge1, edge2 = (tuple(triangle[:, k + j] for j in range(3)) for k in (0, 3, 6))
-    way = tuple(direction[:, k] for k in range(3))
-    offset = tuple(origin[:, k] - corner[k] for k in range(3))
-    across, other = _cross(way, edge2), _cross(offset, edge1)
-    volume = _dot(edge1, across)
-    flat = volume == 0
-    scale = 1.0 / jnp.where(flat, 1.0, volume)
-    u, v = scale * _dot(offset, across), scale * _dot(way, other)
-    # Neighbours overlap by rounding, so that no ray slips between them.
-    hit = ~flat & (u >= -1e-9) & (v >= -1e-9) & (u + v <= 1 + 1e-9)
-    return jnp.where(hit, scale * _dot(edge2, other), jnp.inf)
-
-
-def _cross(a: tuple[Array, ...], b: tuple[Array, ...]) -> tuple[Array, ...]:
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
-
-
-def _dot(a: tuple[Array, ...], b: tuple[Array, ...]) -> Array:
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+        Source: T. Möller, B. Trumbore, Journal of Graphics Tools 2 (1997) 21.
+        """
+        corner, edge1, edge2 = (side[which] for side in self._triangles[:3])
+        across, other = np.cross(direction, edge2), np.cross(origin - corner, edge1)
+        with np.errstate(divide="ignore", invalid="ignore"):
+            scale = 1.0 / np.sum(edge1 * across, axis=1)
+            u, v = scale * np.sum((origin - corner) * across, axis=1), scale * np.sum(direction * other, axis=1)
+            ahead = ~(scale * np.sum(edge2 * other, axis=1) <= 0)
+        # Rounding may put the point a little outside, and far outside where the triangle is seen edge-on.
+        u, v = (np.clip(np.nan_to_num(part), 0.0, 1.0)[:, None] for part in (u, v))
+        distance = np.sum((corner + u * edge1 + v * edge2 - origin) * direction, axis=1)
+        return distance, ahead & (distance > 0)
 
 
 def triangle_surface(
