@@ -107,12 +107,12 @@ def picture(
     """
     if not 0 < delta_e < 100:
         raise ValueError(f"delta_e is {delta_e}; it must be positive, such as 0.1")
-    scene = _Scene(layers, thickness_maps, substrate, geometry, refractive_index, illuminant, observer)
+    inputs = _PictureInputs(layers, thickness_maps, substrate, geometry, refractive_index, illuminant, observer)
     tolerance = min(1e-3, _SOLVER * delta_e)
-    columns, varying = scene.varying()
-    first, inverse = distinct(columns) if columns else (np.zeros(1, int), np.zeros(scene.pixels, int))
+    columns, varying = inputs.varying()
+    first, inverse = distinct(columns) if columns else (np.zeros(1, int), np.zeros(inputs.pixels, int))
     points = np.stack([column[first] for column in columns], axis=1) if columns else np.zeros((1, 0))
-    counter = _Computed(scene, varying, tolerance, savings)
+    counter = _Computed(inputs, varying, tolerance, savings)
     values, error, words = None, 0.0, ""
     if not full and len(first) > _FEW and 1 <= points.shape[1] <= MOST_AXES:
         table = thickness_table(
@@ -120,7 +120,7 @@ def picture(
             points.min(axis=0),
             points.max(axis=0),
             delta_e * _SHARE,
-            distance=scene.difference,
+            distance=inputs.difference,
             samples=points,
         )
         if table.error <= delta_e * _SHARE:
@@ -130,12 +130,12 @@ def picture(
             words = f", interpolated from {shape}, estimated Delta E00 {error:.2g}"
     if values is None:
         values = counter(points)
-    xyz = jnp.maximum(jnp.asarray(values), 0.0)[inverse].reshape(*scene.shape, 3)
-    report = f"{scene.pixels} pixels, {len(first)} distinct, {counter.count} computed{words}"
-    return Picture(colour.xyz_to_srgb(xyz, scene.white), xyz, report, error, counter.count)
+    xyz = jnp.maximum(jnp.asarray(values), 0.0)[inverse].reshape(*inputs.shape, 3)
+    report = f"{inputs.pixels} pixels, {len(first)} distinct, {counter.count} computed{words}"
+    return Picture(colour.xyz_to_srgb(xyz, inputs.white), xyz, report, error, counter.count)
 
 
-class _Scene:
+class _PictureInputs:
     """What the picture shows, checked, as NumPy arrays."""
 
     def __init__(self, layers, maps, substrate, geometry, refractive_index, illuminant, observer):
@@ -213,35 +213,35 @@ def _directions(geometry: Geometry, index: np.ndarray) -> tuple[tuple[float, flo
 class _Computed:
     """XYZ by the solver, for points that hold the varying quantities; counts them."""
 
-    def __init__(self, scene: _Scene, varying: list[int], tolerance: float, savings: Savings):
-        self.scene, self.varying, self.tolerance, self.savings = scene, varying, tolerance, savings
+    def __init__(self, inputs: _PictureInputs, varying: list[int], tolerance: float, savings: Savings):
+        self.inputs, self.varying, self.tolerance, self.savings = inputs, varying, tolerance, savings
         self.count = 0
 
     def __call__(self, points: np.ndarray) -> np.ndarray:
         self.count += len(points)
-        size = max(1, _STACKS // len(self.scene.weights))
+        size = max(1, _STACKS // len(self.inputs.weights))
         return np.concatenate([self._some(points[i : i + size]) for i in range(0, len(points), size)])
 
     def _some(self, points: np.ndarray) -> np.ndarray:
-        scene = self.scene
-        fixed = [0.0 if k in self.varying else m.flat[0] for k, m in enumerate(scene.thickness)]
+        inputs = self.inputs
+        fixed = [0.0 if k in self.varying else m.flat[0] for k, m in enumerate(inputs.thickness)]
         thickness = np.tile(np.array(fixed), (len(points), 1))
-        ground = np.asarray(scene.ground.flat[0] if scene.ground.ndim == 2 else scene.ground)
+        ground = np.asarray(inputs.ground.flat[0] if inputs.ground.ndim == 2 else inputs.ground)
         for column, k in zip(points.T, self.varying, strict=True):
             if k < 0:
                 ground = column[:, None]
             else:
                 thickness[:, k] = column
-        incidence, viewing = scene.directions
+        incidence, viewing = inputs.directions
         plan = plan_stacks(
-            scene.albedo,
-            scene.extinction * thickness[:, None, :],
+            inputs.albedo,
+            inputs.extinction * thickness[:, None, :],
             ground,
-            refractive_index=scene.refractive_index,
+            refractive_index=inputs.refractive_index,
             cos_incidence=incidence,
             cos_viewing=viewing,
             tolerance=self.tolerance,
             savings=self.savings,
-            band_weights=scene.weights,
+            band_weights=inputs.weights,
         )
-        return (np.asarray(plan.run(), float) + scene.surface) @ scene.weights
+        return (np.asarray(plan.run(), float) + inputs.surface) @ inputs.weights

@@ -163,6 +163,22 @@ def test_measured_reflectances_and_maps(write, tmp_path):
         scene_file.read_scene(write(SMALL.replace("reflectance = 0.5", 'reflectance = "paints.csv"')))
 
 
+def test_a_white_above_one_is_noise_or_refused(write, tmp_path):
+    text = SMALL.replace("reflectance = 0.5", 'reflectance = "white.csv"')
+    for top in (1.02, 1.2):
+        rows = "\n".join(f"{w},{top if w == 500 else 0.98}" for w in range(380, 781, 10))
+        (tmp_path / "white.csv").write_text("wavelength_nm,white\n" + rows)
+        if top < 1.05:
+            found = scene_file.read_scene(write(text))
+            assert np.max(found.scene.materials["grey"].spectra()["reflectance"]) == 1
+            (note,) = found.notes
+            assert "[materials.grey] reflectance: white.csv reflects 1.02 at 500 nm" in note
+        else:
+            with pytest.raises(ValueError, match=r"\[materials.grey\] reflectance: white.csv reflects 1.2 .*scale"):
+                scene_file.read_scene(write(text))
+    assert scene_file.read_scene(write(SMALL)).notes == ()
+
+
 def test_meshes_are_read_and_placed(write, tmp_path):
     trimesh.creation.box((1, 2, 4)).export(tmp_path / "v.obj")
     text = SMALL.replace(

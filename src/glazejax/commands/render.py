@@ -129,14 +129,14 @@ def render(
     )
     solved = time.perf_counter() - solving
     seen = seen_by.describe()
-    scene = report.Scene(coats, bed.words, refractive_index, seen, illuminant, observer)
+    request = report.RenderRequest(coats, bed.words, refractive_index, seen, illuminant, observer)
     coat = coats[repeated]
     present = [f"{coat.name} {coat.size}" for coat in coats if coat.total > 0]
     figure = glaze_figure(
         rendering,
         [coat.name for coat in coats],
         title=" over ".join(present) or "No paint at all",
-        subtitle=f"on a ground of {bed.words}  ·  n = {refractive_index:g}  ·  {seen}  ·  {scene.eye}",
+        subtitle=f"on a ground of {bed.words}  ·  n = {refractive_index:g}  ·  {seen}  ·  {request.eye}",
         coat=f"{coat.name} {format_length(coat.thickness)}",
         marked=coat.repeats,
         illuminant=illuminant,
@@ -147,11 +147,11 @@ def render(
     if csv is not None:
         _write_table(csv, rendering, coats, overwrite)
 
-    report.print_stack(console, scene)
+    report.print_stack(console, request)
     report.print_spectrum(console, rendering)
-    report.print_colour(console, rendering, scene)
-    report.print_comparison(console, rendering, scene)
-    report.print_ladder(console, rendering, scene)
+    report.print_colour(console, rendering, request)
+    report.print_comparison(console, rendering, request)
+    report.print_ladder(console, rendering, request)
     used = {name: shelf[name] for coat in coats if coat.total > 0 for weight, name in coat.parts if weight > 0}
     remarks = [("note", words) for words in bed.notes] + _remarks(used)
     if rendering.ladder.capped:

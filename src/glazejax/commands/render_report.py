@@ -22,7 +22,7 @@ _LADDER_ROWS = (1, 2, 5, 10, 20, 40)
 
 
 @dataclass(frozen=True)
-class Scene:
+class RenderRequest:
     """What was asked for, in the user's words.
 
     Attributes:
@@ -51,20 +51,20 @@ class Scene:
         return f"{self.illuminant}, {self.observer.replace(' Degree Standard Observer', '° observer')}"
 
 
-def print_stack(console: Console, scene: Scene) -> None:
+def print_stack(console: Console, request: RenderRequest) -> None:
     """Draw the layers from top to bottom."""
     bar = min(console.width, 72)
-    console.print(Text(f"~~~~ smooth surface, n = {scene.refractive_index:g} ".ljust(bar, "~"), style="cyan"))
+    console.print(Text(f"~~~~ smooth surface, n = {request.refractive_index:g} ".ljust(bar, "~"), style="cyan"))
     table = Table.grid(padding=(0, 2))
     table.add_column(overflow="fold")
     table.add_column(justify="right", no_wrap=True)
     table.add_column(overflow="fold")
-    for coat in scene.coats:
+    for coat in request.coats:
         remark = "absent" if coat.total == 0 else f"= {format_length(coat.total)}" if coat.repeats > 1 else ""
         table.add_row(f"  {coat.name}", coat.size, remark, style="dim" if coat.total == 0 else "bold")
     console.print(table)
-    console.print(Text(f"==== ground: {scene.ground} ".ljust(bar, "="), style="cyan"))
-    console.print(Text(f"seen with {scene.geometry}"))
+    console.print(Text(f"==== ground: {request.ground} ".ljust(bar, "="), style="cyan"))
+    console.print(Text(f"seen with {request.geometry}"))
 
 
 def print_spectrum(console: Console, rendering: Rendering) -> None:
@@ -79,15 +79,15 @@ def print_spectrum(console: Console, rendering: Rendering) -> None:
         console.print(Text("  R  " + "".join(f"{r:>7.4f}" for r in values[part])))
 
 
-def print_colour(console: Console, rendering: Rendering, scene: Scene) -> None:
+def print_colour(console: Console, rendering: Rendering, request: RenderRequest) -> None:
     """Print XYZ, Lab and sRGB of the glaze."""
     grid, spectrum = rendering.wavelengths, rendering.glaze
-    tristimulus = np.asarray(xyz(grid, spectrum, **scene.light))
-    lightness, a, b = np.asarray(lab(grid, spectrum, **scene.light))
-    raw = np.asarray(srgb(grid, spectrum, clip=False, **scene.light))
+    tristimulus = np.asarray(xyz(grid, spectrum, **request.light))
+    lightness, a, b = np.asarray(lab(grid, spectrum, **request.light))
+    raw = np.asarray(srgb(grid, spectrum, clip=False, **request.light))
     shade = hex_colour(raw)
     console.print()
-    console.print(Text("Colour", style="bold") + Text(f" under {scene.eye}", style="not bold"))
+    console.print(Text("Colour", style="bold") + Text(f" under {request.eye}", style="not bold"))
     console.print(Text("  XYZ    " + "".join(f"{v:9.4f}" for v in tristimulus) + "  (white: Y = 1)"))
     hue = np.rad2deg(np.arctan2(b, a)) % 360
     values = "".join(f"{fixed(v, 2):>9}" for v in (lightness, a, b))
@@ -108,11 +108,11 @@ def out_of_gamut(raw: Float[Array | np.ndarray, "3"]) -> str:
     return f"outside the sRGB gamut, clipped (would need {', '.join(wrong)} of 0-255)" if wrong else ""
 
 
-def print_comparison(console: Console, rendering: Rendering, scene: Scene) -> None:
+def print_comparison(console: Console, rendering: Rendering, request: RenderRequest) -> None:
     """Print the colours of the bare ground and of each layer alone."""
     rows = [("the glaze", rendering.glaze)]
-    if len(scene.coats) > 1:
-        coats = zip(scene.coats, rendering.alone, strict=True)
+    if len(request.coats) > 1:
+        coats = zip(request.coats, rendering.alone, strict=True)
         rows += [(f"{coat.name} alone", spectrum) for coat, spectrum in coats if coat.total > 0]
     rows.append(("bare ground", rendering.ground))
     wide = console.width >= _WIDE
@@ -121,20 +121,20 @@ def print_comparison(console: Console, rendering: Rendering, scene: Scene) -> No
     for title in ("L*", "a*", "b*", *(["ΔE00"] if wide else [])):
         table.add_column(title, justify="right", no_wrap=True)
     table.add_column("sRGB", no_wrap=True)
-    own = np.asarray(lab(rendering.wavelengths, rendering.glaze, **scene.light))
+    own = np.asarray(lab(rendering.wavelengths, rendering.glaze, **request.light))
     for name, spectrum in rows:
-        values = np.asarray(lab(rendering.wavelengths, spectrum, **scene.light))
-        shade = hex_colour(srgb(rendering.wavelengths, spectrum, **scene.light))
+        values = np.asarray(lab(rendering.wavelengths, spectrum, **request.light))
+        shade = hex_colour(srgb(rendering.wavelengths, spectrum, **request.light))
         cells = [*values, float(delta_e_2000(own, values))] if wide else [*values]
         table.add_row(f" {name}", *(fixed(v) for v in cells), Text(f"{shade} ") + _block(shade))
     console.print()
     console.print(table)
 
 
-def print_ladder(console: Console, rendering: Rendering, scene: Scene) -> None:
+def print_ladder(console: Console, rendering: Rendering, request: RenderRequest) -> None:
     """Print a few rungs of the ladder."""
     ladder = rendering.ladder
-    coat = scene.coats[ladder.layer]
+    coat = request.coats[ladder.layer]
     console.print()
     console.print(
         Text("Ladder", style="bold")
@@ -150,8 +150,8 @@ def print_ladder(console: Console, rendering: Rendering, scene: Scene) -> None:
             break
         cells = []
         for spectra in (ladder.glaze, ladder.multiply, ladder.mixing):
-            lightness, a, b = np.asarray(lab(rendering.wavelengths, spectra[count], **scene.light))
-            shade = hex_colour(srgb(rendering.wavelengths, spectra[count], **scene.light))
+            lightness, a, b = np.asarray(lab(rendering.wavelengths, spectra[count], **request.light))
+            shade = hex_colour(srgb(rendering.wavelengths, spectra[count], **request.light))
             numbers = "" if narrow else f"{lightness:4.0f}{np.hypot(a, b):4.0f} "
             patch = Text("") if console.width < _NARROW else _block(shade)
             cells.append(Text(f"{shade}{numbers} ") + patch)

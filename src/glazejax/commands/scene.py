@@ -65,6 +65,8 @@ def scene(
     if size is not None:
         found = _resized(found, size)
     typer.echo(f"scene  {file}: {describe(found)}")
+    for note in found.notes:
+        typer.echo(f"note   {note}", err=True)
     rendered = _render(found, spectral is not None)
     if rendered.done == 0:
         typer.echo("stopped before the first pixel: nothing is written", err=True)

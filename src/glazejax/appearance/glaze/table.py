@@ -87,18 +87,18 @@ def glaze_table(
     glaze = on_grid(glaze, wavelengths_nm)
     depths = _thickness_range(glaze, thickness, layer)
     cosines = tuple(_cosines(name, pair) for name, pair in zip(("incidence", "viewing"), angles, strict=True))
-    building = _Building(glaze, layer, cosines, depths, _SOLVER_SHARE * tolerance)
-    checks = building.random_points(np.random.default_rng(0), _CHECKS)
-    truth = building.solve(checks)
+    builder = _TableBuilder(glaze, layer, cosines, depths, _SOLVER_SHARE * tolerance)
+    checks = builder.random_points(np.random.default_rng(0), _CHECKS)
+    truth = builder.solve(checks)
     sizes = [0, 0]
     while True:
-        built = building.table(sizes)
-        error = SAFETY * float(np.max(building.missed(built, checks, truth))) + building.tolerance
-        if error <= tolerance or not building.refine(sizes, built):
+        built = builder.table(sizes)
+        error = SAFETY * float(np.max(builder.missed(built, checks, truth))) + builder.tolerance
+        if error <= tolerance or not builder.refine(sizes, built):
             return jax.tree.map(lambda leaf: jnp.asarray(leaf, float), built)._replace(error=error)
 
 
-class _Building:
+class _TableBuilder:
     """A table in the making, in NumPy."""
 
     def __init__(self, glaze: Glaze, layer: int, cosines, depths: tuple[float, float] | None, tolerance: float):

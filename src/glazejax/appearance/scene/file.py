@@ -15,9 +15,11 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from ...colour import colour_weights
 from ...spectra import describe_grid, validate_wavelengths
+from ..display.display import Display
 from .file_materials import read_material, read_reflectance
-from .file_table import Table
+from .file_table import TomlTable
 from .lights import Light, ParallelLight, PointLight, lamp, measured_lamp
 from .scene import Camera, Scene
 from .shapes import Box, Plane, Shape, Sphere
@@ -36,6 +38,7 @@ class SceneFile:
         gamut: what becomes of colours it cannot show, see `Display.to_rgb`.
         exposure: factor of all colours.
         tolerance: absolute error wanted of a glaze's reflectance factor.
+        notes: what was changed in reading, a sentence each.
     """
 
     scene: Scene
@@ -44,6 +47,7 @@ class SceneFile:
     gamut: str
     exposure: float
     tolerance: float
+    notes: tuple[str, ...] = ()
 
 
 def example() -> str:
@@ -65,10 +69,10 @@ def read_scene(path: str | Path) -> SceneFile:
         content = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ValueError(f"{path}: not a legal TOML file: {error}") from None
-    return _scene(Table(path.name, "", content), path.parent)
+    return _scene(TomlTable(path.name, "", content), path.parent)
 
 
-def _scene(root: Table, folder: Path) -> SceneFile:
+def _scene(root: TomlTable, folder: Path) -> SceneFile:
     picture = root.table("picture", {})
     grid = _wavelengths(picture)
     lights = {name: _light(table, grid, folder) for name, table in root.tables("lights").items()}
@@ -80,8 +84,6 @@ def _scene(root: Table, folder: Path) -> SceneFile:
     white = _white(picture, grid, lights)
     display = picture.text("display", "sRGB")
     with picture.blamed("display"):
-        from ..display.display import Display
-
         Display.preset(display)
     gamut = picture.choice("gamut", ("desaturate", "clip", "dim"), "desaturate")
     exposure, tolerance = picture.above_zero("exposure", 1.0), picture.above_zero("tolerance", 1e-3)
@@ -106,19 +108,19 @@ def _scene(root: Table, folder: Path) -> SceneFile:
         background=background,
         **sizes,
     )
-    return SceneFile(scene, white, display, gamut, exposure, tolerance)
+    return SceneFile(scene, white, display, gamut, exposure, tolerance, tuple(root.notes))
 
 
 _SIZES = {"width": 640, "height": 480, "antialias": 4, "bounces": 3}
 
 
-def _build(table: Table, kind: Callable[..., Any], **values: Any) -> Any:
+def _build(table: TomlTable, kind: Callable[..., Any], **values: Any) -> Any:
     """Make a thing; what it refuses is said to be in this table."""
     with table.blamed():
         return kind(**values)
 
 
-def _wavelengths(picture: Table) -> Float[np.ndarray, "bands"]:
+def _wavelengths(picture: TomlTable) -> Float[np.ndarray, "bands"]:
     """Bands of the scene: FROM:TO:STEP in nm, both ends included."""
     text = picture.text("wavelengths", _DEFAULT_WAVELENGTHS)
     with picture.blamed("wavelengths"):
@@ -132,13 +134,11 @@ def _wavelengths(picture: Table) -> Float[np.ndarray, "bands"]:
         if abs(count - round(count)) > 1e-6:
             raise ValueError(f"{text!r}: steps of {step:g} nm do not meet {end:g} nm")
         grid = validate_wavelengths(start + step * np.arange(round(count) + 1))
-        from ...colour import colour_weights
-
         colour_weights(grid, "E")
     return grid
 
 
-def _light(table: Table, grid: np.ndarray, folder: Path) -> Light:
+def _light(table: TomlTable, grid: np.ndarray, folder: Path) -> Light:
     strength = table.above_zero("strength", 1.0)
     name, file = table.text("illuminant", ""), table.text("spectrum", "")
     if bool(name) == bool(file):
@@ -154,18 +154,16 @@ def _light(table: Table, grid: np.ndarray, folder: Path) -> Light:
     return _build(table, ParallelLight, direction=way, spectrum=spectrum)
 
 
-def _background(picture: Table, grid: np.ndarray, lights: dict[str, Light], folder: Path) -> np.ndarray:
+def _background(picture: TomlTable, grid: np.ndarray, lights: dict[str, Light], folder: Path) -> np.ndarray:
     """Light of the surroundings: a reflectance, under the first light."""
     reflectance = read_reflectance(picture, "background", grid, folder, default=0.0)
     first = next(iter(lights.values()))
     spectrum = np.asarray(first.spectrum, float)
     # As bright as white under luminance 1, whatever the strength or distance of the lamp.
-    from ...colour import colour_weights
-
     return np.asarray(reflectance) * spectrum / float(spectrum @ colour_weights(grid, "E")[:, 1])
 
 
-def _white(picture: Table, grid: np.ndarray, lights: dict[str, Light]) -> np.ndarray:
+def _white(picture: TomlTable, grid: np.ndarray, lights: dict[str, Light]) -> np.ndarray:
     """Spectrum of the white that the eye is adapted to: a light of the scene, or an illuminant."""
     name = picture.text("white", next(iter(lights)))
     if name in lights:
@@ -177,7 +175,7 @@ def _white(picture: Table, grid: np.ndarray, lights: dict[str, Light]) -> np.nda
             raise ValueError(f"{name!r} is none of the lights ({', '.join(lights)}), and {error}") from None
 
 
-def _shape(table: Table, materials: list[str], folder: Path) -> Shape:
+def _shape(table: TomlTable, materials: list[str], folder: Path) -> Shape:
     kind = table.choice("shape", ("sphere", "plane", "box", "mesh"))
     material = table.choice("material", materials)
     if kind == "sphere":

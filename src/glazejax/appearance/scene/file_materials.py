@@ -10,15 +10,17 @@ from ...paint.describe import format_length, make_media, name_paints, parse_laye
 from ...paint.media import MAX_THICKNESS, Glaze, Layer
 from ...spectra import describe_grid, resample
 from ..metals import metal
-from .file_table import Table
+from .file_table import TomlTable
 from .materials import Conductor, Glazed, Lambert, Material, Phong
 
+# What a measured white may reach by noise and calibration.
+_NOISY_WHITE = 1.05
 _KINDS = ("lambert", "phong", "metal", "glaze")
 # The built-in map: from 0 on the left to 1 on the right, between which it is interpolated.
 _WEDGE = np.linspace(0.0, 1.0, 1024)[None]
 
 
-def read_material(table: Table, grid: Float[np.ndarray, "bands"], folder: Path) -> Material:
+def read_material(table: TomlTable, grid: Float[np.ndarray, "bands"], folder: Path) -> Material:
     """One material of a scene file.
 
     Raises:
@@ -45,7 +47,7 @@ def read_material(table: Table, grid: Float[np.ndarray, "bands"], folder: Path) 
     return material
 
 
-def _glaze(table: Table, grid: np.ndarray, folder: Path) -> Glazed:
+def _glaze(table: TomlTable, grid: np.ndarray, folder: Path) -> Glazed:
     from ... import catalogue
 
     text = table.text("layers")
@@ -69,7 +71,7 @@ def _glaze(table: Table, grid: np.ndarray, folder: Path) -> Glazed:
     return Glazed(glaze, thickness, layer, gloss)
 
 
-def _thickness(table: Table, layers: int, folder: Path) -> tuple[np.ndarray | None, int]:
+def _thickness(table: TomlTable, layers: int, folder: Path) -> tuple[np.ndarray | None, int]:
     """Map of a layer's thickness, m, and which layer it is, counted from 0."""
     file = table.text("thickness_map", "")
     layer = table.whole("thickness_layer", 1)
@@ -121,9 +123,11 @@ def read_grey(path: Path) -> Float[np.ndarray, "h w"]:
 
 
 def read_reflectance(
-    table: Table, key: str, grid: Float[np.ndarray, "bands"], folder: Path, *, default: Any = ...
+    table: TomlTable, key: str, grid: Float[np.ndarray, "bands"], folder: Path, *, default: Any = ...
 ) -> float | Float[np.ndarray, "bands"]:
     """A reflectance: one number, or FILE or FILE:SAMPLE, any format that `glazejax.io` reads.
+
+    A measured value a little above 1 becomes 1, with a note.
 
     Raises:
         ValueError, FileNotFoundError: names the table and the key.
@@ -137,14 +141,21 @@ def read_reflectance(
     if not isinstance(value, str):
         raise table.error(key, f'must be a number from 0 to 1, or a file "FILE.csv:SAMPLE", not {value!r}')
     with table.blamed(key):
-        return _measured(value, grid, folder)
+        return _measured(table, key, value, grid, folder)
 
 
-def _measured(text: str, grid: np.ndarray, folder: Path) -> Float[np.ndarray, "bands"]:
+def _measured(table: TomlTable, key: str, text: str, grid: np.ndarray, folder: Path) -> Float[np.ndarray, "bands"]:
     from ...io import read_sample
 
     found = read_sample(text, folder=folder)
     own = found.wavelengths
     if own[0] > grid[0] + 1e-6 or own[-1] < grid[-1] - 1e-6:
         raise ValueError(f"{text} is known at {describe_grid(own)} only, but the scene has {describe_grid(grid)}")
-    return np.clip(np.asarray(resample(own, found.reflectance[0], grid), float), 0.0, 1.0)
+    values = np.asarray(resample(own, found.reflectance[0], grid), float)
+    worst = int(values.argmax())
+    most = f"{text} reflects {values[worst]:.4g} at {grid[worst]:g} nm"
+    if values[worst] > _NOISY_WHITE:
+        raise ValueError(f"{most}, but a material reflects 1 at most: scale the spectrum")
+    if values[worst] > 1:
+        table.note(key, f"{most}, taken as noise: values above 1 became 1")
+    return np.clip(values, 0.0, 1.0)

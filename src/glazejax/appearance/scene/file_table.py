@@ -10,23 +10,32 @@ import numpy as np
 _REQUIRED: Any = object()
 
 
-class Table:
+class TomlTable:
     """A table of a TOML file.
 
     Args:
         file: name of the file, for errors.
         name: of the table, such as ``lights.window``; empty for the whole file.
         content: what it holds.
+        outer: the table that it stands in.
+
+    Attributes:
+        notes: remarks on what was changed in reading, those of the whole file together.
     """
 
-    def __init__(self, file: str, name: str, content: Mapping[str, Any]):
+    def __init__(self, file: str, name: str, content: Mapping[str, Any], outer: "TomlTable | None" = None):
         self.file, self.name, self._content = file, name, content
+        self.notes: list[str] = [] if outer is None else outer.notes
         self._used: list[str] = []
 
     def where(self, key: str = "") -> str:
         """Words for a place in the file."""
         parts = [self.file, f"[{self.name}]" if self.name else "", key]
         return " ".join(part for part in parts if part)
+
+    def note(self, key: str, words: str) -> None:
+        """Say what was changed at a key."""
+        self.notes.append(f"{self.where(key)}: {words}")
 
     def error(self, key: str, words: str) -> ValueError:
         """An error at a key."""
@@ -63,15 +72,15 @@ class Table:
             raise self.error("", f"{key} is missing" + (f"; is {near[0]!r} meant to be it?" if near else ""))
         return default
 
-    def table(self, key: str, default: Any = _REQUIRED) -> "Table":
+    def table(self, key: str, default: Any = _REQUIRED) -> "TomlTable":
         """A table inside this one."""
         value = self._get(key, default)
         name = f"{self.name}.{key}" if self.name else key
         if not isinstance(value, Mapping):
             raise self.error(key, f"must be a table [{name}], not {value!r}")
-        return Table(self.file, name, value)
+        return TomlTable(self.file, name, value, self)
 
-    def tables(self, key: str) -> dict[str, "Table"]:
+    def tables(self, key: str) -> dict[str, "TomlTable"]:
         """Named tables inside a table, at least one."""
         outer = self.table(key, {})
         if not outer._content:

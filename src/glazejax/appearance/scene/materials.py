@@ -35,7 +35,7 @@ class Angles(eqx.Module):
     """m; 0 where the material has no map."""
 
 
-class Seen(eqx.Module):
+class SeenRanges(eqx.Module):
     """What of a material a scene shows: ranges of cosines and thicknesses."""
 
     light: tuple[float, float]
@@ -75,7 +75,7 @@ class Material(eqx.Module):
 
         return eqx.tree_at(lambda m: list(m.spectra().values()), self, [part(s) for s in self.spectra().values()])
 
-    def prepare(self, wavelengths: Float[np.ndarray, "bands"], seen: Seen, tolerance: float) -> "Material":
+    def prepare(self, wavelengths: Float[np.ndarray, "bands"], seen: SeenRanges, tolerance: float) -> "Material":
         """What `direct` and `mirror` are asked of; most materials are ready as they are."""
         return self
 
@@ -197,7 +197,24 @@ class Conductor(Material):
         )
 
 
-class Glazed(Material):
+class _GlazedSurface:
+    """What a glaze and its table have in common; no module, so that each keeps its own order of fields."""
+
+    thickness: Float[Array | np.ndarray, "h w"] | None
+    gloss: bool
+
+    @property
+    def thickness_map(self) -> Float[Array | np.ndarray, "h w"] | None:
+        """Thickness in m over the texture coordinates."""
+        return self.thickness
+
+    @property
+    def is_mirror(self) -> bool:
+        """Under gloss it is."""
+        return self.gloss
+
+
+class Glazed(_GlazedSurface, Material):
     """Layers of paint on a ground, under one smooth surface, by the many-layer solver.
 
     Args:
@@ -251,17 +268,7 @@ class Glazed(Material):
         glaze = Glaze(layers, part(glaze.substrate), part(glaze.refractive_index))
         return Glazed(glaze, self.thickness, self.layer, self.gloss)
 
-    @property
-    def thickness_map(self) -> Float[Array | np.ndarray, "h w"] | None:
-        """Thickness in m over the texture coordinates."""
-        return self.thickness
-
-    @property
-    def is_mirror(self) -> bool:
-        """Under gloss it is."""
-        return self.gloss
-
-    def prepare(self, wavelengths: Float[np.ndarray, "bands"], seen: Seen, tolerance: float) -> "GlazedTable":
+    def prepare(self, wavelengths: Float[np.ndarray, "bands"], seen: SeenRanges, tolerance: float) -> "GlazedTable":
         """Its reflectance factor as a table, for the angles and thicknesses that are seen."""
         table = glaze_table(
             self.glaze,
@@ -275,7 +282,7 @@ class Glazed(Material):
         return GlazedTable(jax.tree.map(jnp.asarray, table), self.thickness, self.gloss)
 
 
-class GlazedTable(Material):
+class GlazedTable(_GlazedSurface, Material):
     """A glaze whose reflectance factor is tabulated; made by `Glazed.prepare`."""
 
     table: GlazeTable
@@ -288,16 +295,6 @@ class GlazedTable(Material):
 
     def check(self, name: str, wavelengths: Grid) -> None:
         """Nothing is left to check."""
-
-    @property
-    def thickness_map(self) -> Float[Array | np.ndarray, "h w"] | None:
-        """Thickness in m over the texture coordinates."""
-        return self.thickness
-
-    @property
-    def is_mirror(self) -> bool:
-        """Under gloss it is."""
-        return self.gloss
 
     def direct(self, angles: Angles) -> Float[Array, "pairs bands"]:
         """Reflectance factor times the cosine of the fall."""

@@ -2,7 +2,7 @@
 
 Levels of rays: those of the camera, then those that mirrors send on, and so on. A level keeps of each point what its
 colour needs, which is a few cosines and which lights reach it; colours are computed from that, for all bands at once
-and only where there is something to see (`raycast_shade`).
+and only where there is something to see (`shade`).
 """
 
 from collections.abc import Callable, Sequence

@@ -17,7 +17,7 @@ from .intersect import Geometry
 from .materials import Material
 from .rays import TILE, Lamps, Level, lamps, trace
 from .scene import Scene
-from .seen import Sight, needed_bands
+from .seen import MaterialsInView, needed_bands
 from .shade import lit_pairs, pixels_from_samples, radiance
 
 Progress = Callable[[float, str], None]
@@ -30,41 +30,8 @@ _CONTRAST = 0.06
 _FLOOR = 0.05
 
 
-@dataclass(frozen=True)
-class Rendered:
-    """A picture as spectra, or as XYZ where spectra were not asked for; NaN where it was interrupted.
-
-    Attributes:
-        values: (h, w, bands), spectra: 1 is a perfect white under a light of spectrum 1; or (h, w, 3), XYZ by the
-            CIE 1931 observer: Y = 1 is a perfect white under a light of luminance 1.
-        spectral: which of the two.
-        wavelengths: (bands,), nm, of the bands computed.
-        bands: (all bands,), which bands of the scene these are.
-        done: share of the picture that is finished; 1 unless interrupted.
-        report: what was computed and what was not.
-    """
-
-    values: Float[np.ndarray, "h w channels"]
-    spectral: bool
-    wavelengths: Float[np.ndarray, "bands"]
-    bands: Bool[np.ndarray, "all"]
-    done: float
-    report: "Report"
-
-    @property
-    def radiance(self) -> Float[np.ndarray, "h w bands"]:
-        """Spectra.
-
-        Raises:
-            ValueError: only XYZ was kept.
-        """
-        if not self.spectral:
-            raise ValueError("this picture has no spectra: render it with spectral=True")
-        return self.values
-
-
 @dataclass
-class Report:
+class RenderReport:
     """Counts of what was computed, beside what would have been with every pixel, light, band and material in full."""
 
     rays: int = 0
@@ -94,6 +61,39 @@ class Report:
             f"left out: {self.saved:.0%} of the spectral work",
         ]
         return "\n".join(lines)
+
+
+@dataclass(frozen=True)
+class Rendered:
+    """A picture as spectra, or as XYZ where spectra were not asked for; NaN where it was interrupted.
+
+    Attributes:
+        values: (h, w, bands), spectra: 1 is a perfect white under a light of spectrum 1; or (h, w, 3), XYZ by the
+            CIE 1931 observer: Y = 1 is a perfect white under a light of luminance 1.
+        spectral: which of the two.
+        wavelengths: (bands,), nm, of the bands computed.
+        bands: (all bands,), which bands of the scene these are.
+        done: share of the picture that is finished; 1 unless interrupted.
+        report: what was computed and what was not.
+    """
+
+    values: Float[np.ndarray, "h w channels"]
+    spectral: bool
+    wavelengths: Float[np.ndarray, "bands"]
+    bands: Bool[np.ndarray, "all"]
+    done: float
+    report: RenderReport
+
+    @property
+    def radiance(self) -> Float[np.ndarray, "h w bands"]:
+        """Spectra.
+
+        Raises:
+            ValueError: only XYZ was kept.
+        """
+        if not self.spectral:
+            raise ValueError("this picture has no spectra: render it with spectral=True")
+        return self.values
 
 
 @dataclass
@@ -141,11 +141,11 @@ class _Work:
         self.geometry: Geometry = self.scene.geometry()
         self.places: Lamps = lamps(scene.lights)
         self.all_materials = list(self.scene.materials.values())
-        self.sight = Sight(self.all_materials)
+        self.in_view = MaterialsInView(self.all_materials)
         self.prepared: Sequence[Material | None] = []
         self.kept = 0
         full = scene.antialias**2 if scene.antialias > 1 else 1
-        self.report = Report(
+        self.report = RenderReport(
             bands=int(keep.sum()), bands_full=keep.size, materials_full=len(self.all_materials),
             pixels=scene.width * scene.height, rays_full=0, pairs_full=0,
         )  # fmt: skip
@@ -166,7 +166,7 @@ class _Work:
                 edges = np.flatnonzero(_differing(signature.reshape(scene.height, scene.width)).ravel())
                 self._look(more := self._tiles(edges, scene.antialias), 0.25, 0.35)
                 tiles += more
-            self.prepared = self.sight.prepare(np.asarray(scene.wavelengths), self.tolerance)
+            self.prepared = self.in_view.prepare(np.asarray(scene.wavelengths), self.tolerance)
             self._shade(tiles, image, 0.35, 0.85)
             finished = 1.0
             if self.adaptive and scene.antialias > 1:
@@ -175,17 +175,17 @@ class _Work:
                 again = self._tiles(strong, scene.antialias)
                 self._look(again, 0.85, 0.87)
                 # A thing so small that only these rays meet it.
-                self.prepared = self.sight.prepare(np.asarray(scene.wavelengths), self.tolerance, self.prepared)
+                self.prepared = self.in_view.prepare(np.asarray(scene.wavelengths), self.tolerance, self.prepared)
                 self._shade(again, image, 0.87, 1.0)
                 self.report.refined = edges.size + strong.size
         except KeyboardInterrupt:
             done = np.isfinite(image[:, 0]).mean()
             finished = min(float(done), 0.999)
         self.report.materials = sum(m is not None for m in self.prepared)
-        self.report.angles = self.sight.describe()
+        self.report.angles = self.in_view.describe()
         # Without skipping, every ray would be one of a full pixel, and meet every light.
         scale = self.full * self.report.pixels
-        self.report.rays_full = max(int(scale * self.sight.rays_a_sample), self.report.rays)
+        self.report.rays_full = max(int(scale * self.in_view.rays_a_sample), self.report.rays)
         self.report.pairs_full = self.report.rays_full * len(self.places.point)
         image = image.reshape(scene.height, scene.width, -1)
         return Rendered(
@@ -211,7 +211,9 @@ class _Work:
         x = (tile.pixels % self.scene.width)[:, None] + across.ravel()
         y = (tile.pixels // self.scene.width)[:, None] + down.ravel()
         rays = self.scene.rays(x.ravel(), y.ravel())
-        levels = trace(self.geometry, self.places, *rays, reflects=self.sight.most_mirrored, bounces=self.scene.bounces)
+        levels = trace(
+            self.geometry, self.places, *rays, reflects=self.in_view.most_mirrored, bounces=self.scene.bounces
+        )
         size = sum(level.bytes for level in levels)
         if self.kept + size <= _KEPT_BYTES:
             tile.levels, self.kept = levels, self.kept + size
@@ -223,7 +225,7 @@ class _Work:
         for k, tile in enumerate(tiles):
             self.progress(start + (end - start) * k / len(tiles), "looking for what is in view")
             levels = self._levels(tile)
-            self.sight.add(levels)
+            self.in_view.add(levels)
             signatures.append(_signature(levels))
         return np.concatenate(signatures) if signatures else np.zeros(0, int)
 

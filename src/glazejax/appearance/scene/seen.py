@@ -6,7 +6,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from ...colour import colour_weights
-from .materials import Glazed, Material, Seen
+from ...radiative.common.fresnel import dielectric_reflectance
+from .materials import Glazed, Material, SeenRanges
 from .rays import Level
 from .scene import Scene
 
@@ -14,7 +15,7 @@ from .scene import Scene
 _BANDS_SHARE = 1 / (12.92 * 255)
 
 
-class Sight:
+class MaterialsInView:
     """Materials in view, and the cosines and thicknesses at which they are seen."""
 
     def __init__(self, materials: Sequence[Material]):
@@ -31,9 +32,7 @@ class Sight:
         return self._rays / max(self._samples, 1)
 
     def most_mirrored(self, number: int, cos_view: Float[np.ndarray, "points"]) -> Float[np.ndarray, "points"]:
-        """The most that the mirror reflection of a material carries; see `raycast.Reflects`."""
-        from ...radiative.common.fresnel import dielectric_reflectance
-
+        """The most that the mirror reflection of a material carries; see `rays.Reflects`."""
         if not self.materials[number].is_mirror:
             return np.zeros(len(cos_view))
         index = self._index[number]
@@ -74,7 +73,7 @@ class Sight:
                 continue
             thickness = material.thickness_map
             depths = (0.0, 0.0) if thickness is None else (float(np.min(thickness)), float(np.max(thickness)))
-            seen = Seen(_legal(self._light[number]), _legal(self._view[number]), depths)
+            seen = SeenRanges(_legal(self._light[number]), _legal(self._view[number]), depths)
             key = (id(material), seen.light, seen.view)
             if key not in done:
                 done[key] = material.prepare(wavelengths, seen, tolerance)

@@ -72,7 +72,7 @@ def radiance(
     """Spectrum that comes along each ray of the first level.
 
     Args:
-        levels: of `raycast.trace`.
+        levels: of `rays.trace`.
         materials: prepared, in the order of the numbers in the levels; None for those that are not seen.
         lights, background: spectra.
 
