@@ -16,6 +16,7 @@ _EXTRAS = {
     "h5py": ("h5py", "arviz"),
     "tqdm": ("tqdm", "arviz"),
     "trimesh": ("trimesh", "scene"),
+    "embreex": ("embreex", "scene"),
     "OpenEXR": ("OpenEXR", "scene"),
 }
 

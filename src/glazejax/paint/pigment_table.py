@@ -2,7 +2,6 @@
 
 import csv
 import math
-from dataclasses import dataclass, field
 from pathlib import Path
 
 from .media import Pigment
@@ -10,18 +9,8 @@ from .media import Pigment
 _NEEDED = ("pigment", "wavelength_nm", "absorption", "scattering")
 _OPTIONAL = ("absorption_sd", "scattering_sd", "identifiable")
 _TRUTH = {"true": True, "1": True, "yes": True, "false": False, "0": False, "no": False}
-
-
-@dataclass
-class _Lines:
-    """Lines of one pigment, in the order of the file."""
-
-    wavelengths: list[float] = field(default_factory=list)
-    absorption: list[float] = field(default_factory=list)
-    scattering: list[float] = field(default_factory=list)
-    absorption_sd: list[float] = field(default_factory=list)
-    scattering_sd: list[float] = field(default_factory=list)
-    identifiable: list[bool] = field(default_factory=list)
+# Columns of one pigment by title, in the order of the file; `identifiable` holds booleans.
+_Columns = dict[str, list[float]]
 
 
 def read_pigments(path: str | Path, provenance: str = "") -> dict[str, Pigment]:
@@ -58,7 +47,7 @@ def read_pigments(path: str | Path, provenance: str = "") -> dict[str, Pigment]:
         raise ValueError(
             f"{path}, line {numbered[0][0]}: no column {', '.join(missing)}; expected {','.join(_NEEDED + _OPTIONAL)}"
         )
-    pigments: dict[str, _Lines] = {}
+    pigments: dict[str, _Columns] = {}
     for number, line in numbered[1:]:
         cells = [cell.strip() for cell in next(csv.reader([line]))]
         where = f"{path}, line {number}"
@@ -70,24 +59,23 @@ def read_pigments(path: str | Path, provenance: str = "") -> dict[str, Pigment]:
     return {name: _pigment(path, name, rows, provenance or comments) for name, rows in pigments.items()}
 
 
-def _add(pigments: dict[str, _Lines], where: str, row: dict[str, str]) -> None:
+def _add(pigments: dict[str, _Columns], where: str, row: dict[str, str]) -> None:
     """Append a line of the file to its pigment."""
     name = row["pigment"]
     if not name:
         raise ValueError(f"{where}: the pigment has no name")
-    rows = pigments.setdefault(name, _Lines())
-    rows.wavelengths.append(_number(where, row, "wavelength_nm"))
-    rows.absorption.append(_number(where, row, "absorption"))
-    rows.scattering.append(_number(where, row, "scattering"))
+    columns = pigments.setdefault(name, {})
+    for title in _NEEDED[1:]:
+        columns.setdefault(title, []).append(_number(where, row, title))
     for title in ("absorption_sd", "scattering_sd"):
         if title in row:
             # A standard deviation may be missing or infinite where a coefficient is not identifiable.
-            getattr(rows, title).append(_maybe(row[title]))
+            columns.setdefault(title, []).append(_maybe(row[title]))
     if "identifiable" in row:
         truth = _TRUTH.get(row["identifiable"].lower())
         if truth is None:
             raise ValueError(f"{where}: identifiable is {row['identifiable']!r}; it must be true or false")
-        rows.identifiable.append(truth)
+        columns.setdefault("identifiable", []).append(truth)
 
 
 def _number(where: str, row: dict[str, str], title: str) -> float:
@@ -104,19 +92,18 @@ def _maybe(cell: str) -> float:
         return math.nan
 
 
-def _pigment(path: Path, name: str, rows: _Lines, provenance: str) -> Pigment:
-    def known(values: list[float]) -> list[float] | None:
+def _pigment(path: Path, name: str, columns: _Columns, provenance: str) -> Pigment:
+    def known(title: str) -> list[float] | None:
+        values = columns.get(title, [])
         return values if values and all(map(math.isfinite, values)) else None
 
     try:
         return Pigment(
             name,
-            rows.wavelengths,
-            rows.absorption,
-            rows.scattering,
-            absorption_sd=known(rows.absorption_sd),
-            scattering_sd=known(rows.scattering_sd),
-            identifiable=rows.identifiable or None,
+            *(columns[title] for title in _NEEDED[1:]),
+            absorption_sd=known("absorption_sd"),
+            scattering_sd=known("scattering_sd"),
+            identifiable=columns.get("identifiable"),
             provenance=provenance or f"from {path}",
         )
     except ValueError as error:

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
+from ...extras import advice
 from .shapes import Mesh
 
 # First step away from a triangle that a ray is wrongly said to meet, in radii of all meshes; each next is doubled.
@@ -74,7 +75,7 @@ def import_trimesh() -> ModuleType:
     try:
         import trimesh  # pyright: ignore[reportMissingImports]
     except ImportError:
-        raise ValueError('meshes need trimesh: pip install "glazejax[scene]"') from None
+        raise ValueError(advice("trimesh")) from None
     return trimesh
 
 
@@ -96,9 +97,8 @@ class TriangleCaster:
         self._engine = trimesh.Trimesh(points, np.arange(len(points)).reshape(-1, 3), process=False).ray
         try:
             self._engine.intersects_first(np.zeros((1, 3)), np.array([[0.0, 0.0, 1.0]]))
-        except ImportError as error:
-            words = f'rays at meshes need embreex ({error}): pip install "glazejax[scene]"'
-            raise ValueError(words) from None
+        except ImportError:
+            raise ValueError(advice("embreex")) from None
 
     def nearest(
         self,
