@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from glazejax.radiative.common.directions import gauss
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.radiative.common.phase import henyey_greenstein
+from glazejax.radiative.common.quadrature import gauss
 from glazejax.radiative.manyflux.bordered import Bordered
 from glazejax.radiative.manyflux.free import (
     free_diffuse,

@@ -21,17 +21,19 @@ from jaxtyping import Array, Float
 from .auxiliary import graded as auxiliary_graded
 from .auxiliary.graded import Light
 from .auxiliary.panels import Mesh, Panels, graded_shares, rules
-from .common.directions import gauss
 from .common.inputs import (
     Numbers,
     batch_shape,
+    check_choice,
     check_tolerance,
     check_values,
     concrete,
+    flat_batch,
+    plain_number,
 )
+from .common.quadrature import gauss
 from .stack import (
     Method,
-    check_method,
     stack_hemispherical_reflectance,
     stack_reflectance_factor,
 )
@@ -145,7 +147,7 @@ class _Film(NamedTuple):
 def _evaluate(given: _Given, tolerance: float, method: str) -> Array:
     names = ("substrate_reflectance", "refractive_index", "cos_incidence", "cos_viewing")
     rest = {name: value for name in names if (value := getattr(given, name)) is not None}
-    check_method(method)
+    check_choice("method", method, Method)
     check_tolerance(tolerance)
     check_values(rest)
     film = _film(given, rest)
@@ -280,10 +282,8 @@ def _unresolved(error: float, tolerance: float) -> str:
 
 def _meshed(film: _Film, rest: dict[str, Any], tolerance: float) -> Array:
     dtype = film.thickness.dtype
-    flat = {name: jnp.broadcast_to(jnp.asarray(value, dtype), film.batch).reshape(-1) for name, value in rest.items()}
-    number = rest["refractive_index"]
-    fixed = float(number) if isinstance(number, int | float | np.floating | np.integer) else None
-    index = concrete(number)
+    flat = {name: flat_batch(jnp.asarray(value, dtype), film.batch) for name, value in rest.items()}
+    fixed, index = plain_number(rest["refractive_index"]), concrete(rest["refractive_index"])
     lowest = 1.0 if index is None else float(np.min(index, initial=2.5))
     share = jnp.linspace(0.0, 1.0, 257, dtype=dtype)
     total = jnp.mean(film.absorption(share) + film.scattering(share), axis=-1) * film.thickness

@@ -26,7 +26,7 @@ from jaxtyping import Array
 
 from ..common.exponential_integrals import cone_nodes, critical_cosine, expn
 from ..common.fresnel import cos_refracted, dielectric_reflectance
-from ..common.linalg import solve_positive
+from ..common.linalg import solve_positive, transposed
 from ..common.split import Split
 from ..common.stack_arrays import Stack
 from .panels import (
@@ -252,7 +252,7 @@ def _solve(matrix: Array, right: Array) -> Array:
         return solve_positive(matrix, b[..., None])[..., 0]
 
     def solve_transposed(_, b: Array) -> Array:
-        return solve_positive(jnp.swapaxes(matrix, -1, -2), b[..., None])[..., 0]
+        return solve_positive(transposed(matrix), b[..., None])[..., 0]
 
     def product(x: Array) -> Array:
         return jnp.einsum("bij,bj->bi", matrix, x)
@@ -310,7 +310,7 @@ def reflectance_and_gradient(stack: Stack, mesh: Mesh, wanted: tuple[str, ...]) 
     """
     system = _system(_stack_panels(stack, mesh), _light(stack))
     forward = _solve(system.matrix, system.exit + system.ground_seen)
-    backward = _solve(jnp.swapaxes(system.matrix, -1, -2), system.beam)
+    backward = _solve(transposed(system.matrix), system.beam)
 
     def stationary(leaves: dict[str, Array]) -> Array:
         moved = stack._replace(**leaves)

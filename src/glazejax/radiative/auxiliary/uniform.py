@@ -22,7 +22,7 @@ that is a Toeplitz and a Hankel matrix for all stacks, and only the few rows of 
 """
 
 from collections import OrderedDict
-from typing import Any, get_args
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -30,7 +30,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from ..common.inputs import at_least_one_layer, batch_shape, check_values, concrete
+from ..common.inputs import batch_of_stacks, check_choice, check_values, concrete, flat_batch
 from ..common.split import Split
 from .kernel_table import MOST_SEGMENTS, KernelTable
 from .segments import append_axes
@@ -178,37 +178,25 @@ def _evaluate(albedo, thickness, ground, refractive_index, cosines, step, varian
 
 
 def _check(given: dict[str, Any], refractive_index: float, step: float, variant: str) -> None:
-    if variant not in get_args(Variant):
-        raise ValueError(f"variant {variant!r} is unknown; use one of {', '.join(map(repr, get_args(Variant)))}")
+    check_choice("variant", variant, Variant)
     if not (np.ndim(step) == 0 and 0 < step < np.inf):
         raise ValueError(f"step is {step}; it must be a positive optical thickness, such as 0.01")
     if isinstance(refractive_index, Tracer) or np.ndim(refractive_index) > 0:
         raise ValueError("refractive_index must be one number here; stack_reflectance_factor takes arrays")
-    check_values(given | {"refractive_index": refractive_index})
+    check_values({"refractive_index": refractive_index})
 
 
 def _flatten(given: dict[str, Any]):
     """One axis of stacks, then axes of angles; and the function that gives a result its shape back."""
     # Known arrays are gathered and cut by NumPy, which starts far faster.
     xp = jnp if any(isinstance(value, Tracer) for value in given.values()) else np
-    dtype = jnp.result_type(float)
-    arrays = {name: xp.asarray(value, dtype) for name, value in given.items()}
-    albedo, thickness = arrays["albedo"], arrays["optical_thickness"]
-    albedo, thickness, layers = at_least_one_layer(albedo, thickness, xp=xp)
-    shapes = {"albedo": albedo.shape[:-1], "optical_thickness": thickness.shape[:-1]}
-    shapes |= {name: array.shape for name, array in arrays.items() if name not in shapes}
-    full = batch_shape(shapes)
-    matter = np.broadcast_shapes(*(shapes[n] for n in ("albedo", "optical_thickness", "substrate_reflectance")))
+    arrays, full, layers = batch_of_stacks(given, xp=xp)
+    of_media = (arrays["albedo"].shape[:-1], arrays["optical_thickness"].shape[:-1])
+    matter = np.broadcast_shapes(*of_media, arrays["substrate_reflectance"].shape)
     matter = (1,) * (len(full) - len(matter)) + matter
     angular = [axis for axis, size in enumerate(full) if matter[axis] == 1 and size != 1]
     others = [axis for axis in range(len(full)) if axis not in angular]
     size = int(np.prod([full[axis] for axis in others]))
-
-    def of_matter(array: Any) -> Any:
-        return xp.broadcast_to(array, matter).reshape(size)
-
-    def of_layers(array: Any) -> Any:
-        return xp.broadcast_to(array, (*matter, layers)).reshape(size, layers)
 
     def of_angles(array: Any) -> Any:
         array = array.reshape((1,) * (len(full) - array.ndim) + array.shape)
@@ -217,9 +205,9 @@ def _flatten(given: dict[str, Any]):
         return array.reshape(size, *array.shape[len(others) :])
 
     batch = Batch(
-        of_layers(albedo),
-        of_layers(thickness),
-        of_matter(arrays["substrate_reflectance"]),
+        flat_batch(arrays["albedo"], matter, layers),
+        flat_batch(arrays["optical_thickness"], matter, layers),
+        flat_batch(arrays["substrate_reflectance"], matter),
         of_angles(arrays["cos_incidence"]),
         of_angles(arrays["cos_viewing"]),
     )

@@ -13,6 +13,7 @@ from jaxtyping import Array, Float, Int
 from ..common.exponential_integrals import expn, internal_reflection_integral
 from ..common.fresnel import cos_refracted, dielectric_reflectance
 from ..common.kernels import decay_integral
+from ..common.linalg import matmul
 from ..common.split import Split
 from . import assembly
 from .contraction import solve_contraction
@@ -105,7 +106,7 @@ def _galerkin(batch: Batch, count: Array, vectors: tuple, options: Options) -> S
 
     def apply(t: Array) -> Array:
         at_edges, at_faces = segments.jumps(t)
-        field_edges = jnp.matmul(among_edges, at_edges.reshape(options.most, -1), precision="highest").reshape(t.shape)
+        field_edges = matmul(among_edges, at_edges.reshape(options.most, -1)).reshape(t.shape)
         field_edges += jnp.sum(to_faces[..., None] * at_faces[:, None], axis=0)
         field_faces = jnp.sum(to_faces[..., None] * at_edges, axis=1)
         field_faces += jnp.sum(among_faces[..., None] * at_faces, axis=1)
@@ -177,7 +178,7 @@ def _collocation(batch: Batch, count: Array, vectors: tuple, options: Options) -
         """1/2 (H + U) P t."""
         source = albedo[..., None] * t
         if matrix.ndim == 2:
-            product = jnp.matmul(matrix, source.reshape(options.most, -1), precision="highest").reshape(t.shape)
+            product = matmul(matrix, source.reshape(options.most, -1)).reshape(t.shape)
         else:
             product = _rows_times(source[:, 0].T, matrix[0]).T[:, None]
         return 0.5 * product
@@ -206,8 +207,8 @@ def _solve(apply, weight: Array, once: Array, ground: Array) -> tuple[Array, Arr
 def _rows_times(rows: Array, matrix: Array) -> Array:
     """rows @ matrix; a few rows one by one, which XLA does several times faster on the CPU than together."""
     if rows.shape[0] > 3:
-        return jnp.matmul(rows, matrix, precision="highest")
-    return jnp.stack([jnp.matmul(row, matrix, precision="highest") for row in rows])
+        return matmul(rows, matrix)
+    return jnp.stack([matmul(row, matrix) for row in rows])
 
 
 def _tabulated_ground(tables: list[Array], count: Array, most: int) -> tuple[Array, Array, Array]:

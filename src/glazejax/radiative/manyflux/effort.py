@@ -1,13 +1,13 @@
 """From the accuracy asked for to directions, Legendre moments, azimuth modes and doublings of the many-flux solver."""
 
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from ..common.directions import Resolution, half_range
 from ..common.fresnel import cos_refracted
-from ..common.inputs import concrete
+from ..common.inputs import check_choice, concrete
 from .directions import (
     Spread,
     best_directions,
@@ -88,8 +88,7 @@ def choose_effort(
     Raises:
         ValueError: too few streams, no directions good enough, or an unknown solution.
     """
-    if solution not in get_args(Solution):
-        raise ValueError(f"solution {solution!r} is unknown; use one of {', '.join(map(repr, get_args(Solution)))}")
+    check_choice("solution", solution, Solution)
     sizes = np.ones(terms) if moments is None else np.max(np.abs(moments).reshape(-1, terms), axis=0)
     # What a moment does to light scattered twice or more.
     twice = (2 * np.arange(terms) + 1) * sizes**2

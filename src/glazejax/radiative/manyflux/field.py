@@ -17,7 +17,7 @@ from jaxtyping import Array, Float
 
 from ..common.inputs import Numbers, check_values, concrete
 from .bordered import Diagonal, diagonal
-from .call import Stack, Wish, prepare
+from .call import GivenStack, prepare
 from .effort import Effort, Solution
 from .scattering import azimuth_waves, rates
 from .solve import Layers, layer_operators, scene_of
@@ -82,12 +82,13 @@ def manyflux_field(
     """
     directions = np.atleast_1d(np.asarray(cos_direction, float))
     check_values({"cos_viewing": directions})
-    stack = Stack(albedo, optical_thickness, substrate_reflectance, phase, refractive_index)
-    given = {"cos_incidence": cos_incidence}
-    call = prepare(stack, Wish(tolerance, streams, solution), given, 0.0, least=float(directions.min(initial=1.0)))
+    given = GivenStack(
+        albedo, optical_thickness, substrate_reflectance, phase, refractive_index, tolerance, streams, solution
+    )
+    call = prepare(given, {"cos_incidence": cos_incidence}, 0.0, least=float(directions.min(initial=1.0)))
     if call.batch != ():
         raise ValueError(f"the field is that of one stack; here are {call.batch} of them: use jax.vmap")
-    if not isinstance(call.options.media, float):
+    if not isinstance(call.settings.media, float):
         raise ValueError("the field inside is found for one refractive index; give a number")
     layers = jax.tree.map(lambda leaf: leaf[0], call.layers)
     dtype = layers.albedo.dtype
@@ -98,7 +99,7 @@ def manyflux_field(
         if wrong.size:
             raise ValueError(f"depth holds {wrong[0]}; it must be between 0 and the whole thickness {whole.sum():g}")
     axes = jnp.asarray(directions, dtype), jnp.deg2rad(jnp.atleast_1d(jnp.asarray(azimuth, dtype)))
-    return _field(layers, depths, axes, call.angles["cos_incidence"], call.options.media, call.options.effort)
+    return _field(layers, depths, axes, call.angles["cos_incidence"], call.settings.media, call.settings.effort)
 
 
 @functools.partial(jax.jit, static_argnums=(4, 5))

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ..common.directions import Directions, gauss, graded_gauss
+from ..common.quadrature import Directions, gauss, graded_gauss
 from .directions import scattered_sums
 
 _SHARE = 0.2

@@ -10,9 +10,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from ..common.directions import resolve
 from ..common.inputs import Numbers, concrete
 from ..common.stack_arrays import Stack
-from ..ordinates.resolution import resolve
 from .effort import (
     THICKEST,
     Effort,

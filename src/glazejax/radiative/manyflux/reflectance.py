@@ -17,9 +17,8 @@ from jaxtyping import Array, Float
 
 from ..common.inputs import Numbers, check_values
 from .call import (
+    GivenStack,
     Indices,
-    Stack,
-    Wish,
     diffuse,
     factors,
     fluxes,
@@ -73,9 +72,10 @@ def manyflux_reflectance_factor(
 
     Source: paper C (Shinya et al.), equations (11)-(20), solved as described in the module.
     """
-    stack = Stack(albedo, optical_thickness, substrate_reflectance, phase, refractive_index, ground)
-    given = {"cos_incidence": cos_incidence, "cos_viewing": cos_viewing}
-    call = prepare(stack, Wish(tolerance, streams, solution), given, azimuth)
+    given = GivenStack(
+        albedo, optical_thickness, substrate_reflectance, phase, refractive_index, tolerance, streams, solution, ground
+    )
+    call = prepare(given, {"cos_incidence": cos_incidence, "cos_viewing": cos_viewing}, azimuth)
     return factors(*call[:4]).reshape(call.batch)
 
 
@@ -98,8 +98,10 @@ def manyflux_hemispherical_reflectance(
 
     Args, returns and raises as for `manyflux_reflectance_factor`.
     """
-    stack = Stack(albedo, optical_thickness, substrate_reflectance, phase, refractive_index, ground)
-    call = prepare(stack, Wish(tolerance, streams, solution), {"cos_incidence": cos_incidence})
+    given = GivenStack(
+        albedo, optical_thickness, substrate_reflectance, phase, refractive_index, tolerance, streams, solution, ground
+    )
+    call = prepare(given, {"cos_incidence": cos_incidence})
     return fluxes(*call[:4]).reshape(call.batch)
 
 
@@ -119,9 +121,11 @@ def manyflux_diffuse_reflectance(
 
     Args, returns and raises as for `manyflux_reflectance_factor`; the surface's own reflection is not included.
     """
-    stack = Stack(albedo, optical_thickness, substrate_reflectance, phase, refractive_index, ground)
-    call = prepare(stack, Wish(tolerance, streams, solution), {})
-    return diffuse(call.layers, call.table, call.options).reshape(call.batch)
+    given = GivenStack(
+        albedo, optical_thickness, substrate_reflectance, phase, refractive_index, tolerance, streams, solution, ground
+    )
+    call = prepare(given, {})
+    return diffuse(call.layers, call.table, call.settings).reshape(call.batch)
 
 
 def brdf_table(
@@ -158,9 +162,11 @@ def brdf_table(
             raise ValueError(f"{name} must be one axis of angles, such as [1.0, 0.5], for a table; it is {values}")
     check_values({name: axes[name] for name in ("cos_incidence", "cos_viewing")})
     least = smallest_cosine(cos_incidence, cos_viewing)
-    stack = Stack(albedo, optical_thickness, substrate_reflectance, phase, refractive_index, ground)
-    call = prepare(stack, Wish(tolerance, streams, solution), {}, 0.0, least=least)
+    given = GivenStack(
+        albedo, optical_thickness, substrate_reflectance, phase, refractive_index, tolerance, streams, solution, ground
+    )
+    call = prepare(given, {}, 0.0, least=least)
     dtype = call.layers.albedo.dtype
     seen, lit, turned = (jnp.asarray(a, dtype) for a in (cos_viewing, cos_incidence, azimuth))
-    table = tables(call.layers, (seen, lit, jnp.deg2rad(turned)), call.table, call.options)
+    table = tables(call.layers, (seen, lit, jnp.deg2rad(turned)), call.table, call.settings)
     return table.reshape(*call.batch, *table.shape[1:]) / np.pi

@@ -32,9 +32,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ..common.directions import Directions, Resolution, half_range
+from ..common.directions import Resolution, half_range
 from ..common.fresnel import cos_refracted, dielectric_reflectance
 from ..common.linalg import inverse_positive, product, transposed
+from ..common.quadrature import Directions
 from ..common.stack_arrays import Stack
 from .layers import Beams, Fields, Ports, two_ports
 from .modes import Modes, layer_modes

@@ -11,14 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ..common.directions import (
-    Directions,
-    Resolution,
-    gauss,
-    graded_gauss,
-    half_range,
-)
+from ..common.directions import Resolution, half_range
 from ..common.fresnel import cos_refracted, dielectric_reflectance
+from ..common.quadrature import Directions, gauss, graded_gauss
 from .bounds import End
 
 # Enough for 1e-11; the index is a number here, and each node costs one exponential a stack.
