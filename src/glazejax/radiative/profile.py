@@ -94,7 +94,7 @@ def profile_reflectance_factor(
 
     Source: paper A, eqs (3)-(21).
     """
-    given = _Given(
+    given = _GivenProfile(
         absorption, scattering, thickness, substrate_reflectance, refractive_index, cos_incidence, cos_viewing
     )
     return _evaluate(given, tolerance, method)
@@ -120,11 +120,13 @@ def profile_hemispherical_reflectance(
 
     Source: paper A, eqs (3)-(21).
     """
-    given = _Given(absorption, scattering, thickness, substrate_reflectance, refractive_index, cos_incidence, None)
+    given = _GivenProfile(
+        absorption, scattering, thickness, substrate_reflectance, refractive_index, cos_incidence, None
+    )
     return _evaluate(given, tolerance, method)
 
 
-class _Given(NamedTuple):
+class _GivenProfile(NamedTuple):
     absorption: Profile
     scattering: Profile
     thickness: Numbers
@@ -144,7 +146,7 @@ class _Film(NamedTuple):
     batch: tuple[int, ...]  # of everything
 
 
-def _evaluate(given: _Given, tolerance: float, method: str) -> Array:
+def _evaluate(given: _GivenProfile, tolerance: float, method: str) -> Array:
     names = ("substrate_reflectance", "refractive_index", "cos_incidence", "cos_viewing")
     rest = {name: value for name in names if (value := getattr(given, name)) is not None}
     check_choice("method", method, Method)
@@ -158,7 +160,7 @@ def _evaluate(given: _Given, tolerance: float, method: str) -> Array:
     return _meshed(film, rest, tolerance)
 
 
-def _film(given: _Given, rest: dict[str, Any]) -> _Film:
+def _film(given: _GivenProfile, rest: dict[str, Any]) -> _Film:
     dtype = jnp.result_type(float)
     thickness = jnp.asarray(given.thickness, dtype)
     _refuse("thickness", thickness, "a length in m, >= 0 and finite")

@@ -48,7 +48,7 @@ class Light(NamedTuple):
     cos_viewing: Array | None  # (batch,), in air; None for the hemispherical flux
 
 
-class System(NamedTuple):
+class CollocatedSystem(NamedTuple):
     """The collocated equation (1 - A q/2) psi = V/2 + c M and what its solution is multiplied by."""
 
     matrix: Array  # (batch, n, n)
@@ -61,7 +61,7 @@ class System(NamedTuple):
     ground_direct: Array  # (batch,), c T_I e^(-h/mu_0)
 
 
-def _system(panels: Panels, light: Light) -> System:
+def _system(panels: Panels, light: Light) -> CollocatedSystem:
     top, width, albedo, h, rules = panels
     batch, count = top.shape
     p = len(rules.nodes)
@@ -141,7 +141,7 @@ def _system(panels: Panels, light: Light) -> System:
         factor = (1.0 - dielectric_reflectance(light.cos_viewing, n)) * out / n**2
         once = jnp.sum(q * both, axis=-1)
     seen = open_share * ground_weight
-    return System(
+    return CollocatedSystem(
         matrix,
         0.5 * exit_weight,
         seen[:, None] * ground_to_node,
@@ -182,7 +182,7 @@ def _surface(refractive_index: Any, like: Array) -> _Surface:
     return _Surface(jnp.broadcast_to(mu, shape), share[:, None] * weights * r, critical, share)
 
 
-class _Row(NamedTuple):
+class _MeshRow(NamedTuple):
     tolerance: float
     nodes: int
     points: int
@@ -191,13 +191,13 @@ class _Row(NamedTuple):
 
 # Worst errors of each row: `python -m benchmarks.calibrate_auxiliary`.
 _ROWS = (
-    _Row(1e-2, 4, 8, (2, 3, 5)),
-    _Row(1e-3, 4, 8, (2, 3, 5)),
-    _Row(1e-4, 5, 9, (3, 4, 6)),
-    _Row(1e-5, 6, 10, (3, 4, 6)),
-    _Row(1e-6, 7, 12, (4, 5, 7)),
-    _Row(1e-7, 8, 14, (4, 5, 7)),
-    _Row(1e-8, 9, 16, (5, 6, 8)),
+    _MeshRow(1e-2, 4, 8, (2, 3, 5)),
+    _MeshRow(1e-3, 4, 8, (2, 3, 5)),
+    _MeshRow(1e-4, 5, 9, (3, 4, 6)),
+    _MeshRow(1e-5, 6, 10, (3, 4, 6)),
+    _MeshRow(1e-6, 7, 12, (4, 5, 7)),
+    _MeshRow(1e-7, 8, 14, (4, 5, 7)),
+    _MeshRow(1e-8, 9, 16, (5, 6, 8)),
 )
 _DEPTHS = (2.0, 8.0, 40.0)
 # The thicker the layer, the more its widest panels matter rather than its narrowest.
@@ -260,7 +260,7 @@ def _solve(matrix: Array, right: Array) -> Array:
     return jax.lax.custom_linear_solve(product, right, solve, solve_transposed)
 
 
-def _value(system: System, solution: Array) -> Array:
+def _value(system: CollocatedSystem, solution: Array) -> Array:
     inside = jnp.sum(system.beam * solution, axis=-1)
     return system.factor * (system.ground_direct + inside + system.single - system.single_interpolated)
 

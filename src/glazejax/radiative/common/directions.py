@@ -72,7 +72,7 @@ def whole_range(index: float, resolution: Resolution) -> Directions | None:
     return None if found is None else found._replace(weights=conserve(found.cosines, found.weights))
 
 
-class _Row(NamedTuple):
+class _ResolutionRow(NamedTuple):
     tolerance: float
     cone: int
     total: int
@@ -81,15 +81,15 @@ class _Row(NamedTuple):
 
 # Worst errors of each row: `python -m benchmarks.calibrate_directions`.
 _ROWS = (
-    _Row(1e-2, 3, 3, 4),
-    _Row(1e-3, 4, 5, 6),
-    _Row(1e-4, 5, 6, 8),
-    _Row(1e-5, 6, 8, 11),
-    _Row(1e-6, 7, 10, 12),
-    _Row(1e-7, 8, 13, 14),
-    _Row(1e-8, 9, 15, 17),
-    _Row(1e-9, 11, 19, 20),
-    _Row(1e-10, 12, 22, 23),
+    _ResolutionRow(1e-2, 3, 3, 4),
+    _ResolutionRow(1e-3, 4, 5, 6),
+    _ResolutionRow(1e-4, 5, 6, 8),
+    _ResolutionRow(1e-5, 6, 8, 11),
+    _ResolutionRow(1e-6, 7, 10, 12),
+    _ResolutionRow(1e-7, 8, 13, 14),
+    _ResolutionRow(1e-8, 9, 15, 17),
+    _ResolutionRow(1e-9, 11, 19, 20),
+    _ResolutionRow(1e-10, 12, 22, 23),
 )
 
 

@@ -57,7 +57,7 @@ class ProgramSettings(NamedTuple):
     downward: bool
 
 
-class Call(NamedTuple):
+class CheckedBatch(NamedTuple):
     """Checked arguments as a flat batch."""
 
     layers: Layers  # leading axis: batch; the phase function's may be 1
@@ -74,7 +74,7 @@ def prepare(
     *,
     least: float | None = None,
     downward: bool = False,
-) -> Call:
+) -> CheckedBatch:
     """Checked arguments.
 
     Args:
@@ -119,7 +119,7 @@ def prepare(
         azimuthal=azimuth is not None,
         solution=stack.solution,
     )
-    return Call(layers, angles, stack.ground, ProgramSettings(media, effort, downward), given.batch)
+    return CheckedBatch(layers, angles, stack.ground, ProgramSettings(media, effort, downward), given.batch)
 
 
 def _media(stack: GivenStack, count: int) -> float | Media:

@@ -17,10 +17,10 @@ from .directions import (
 from .doubling import doublings
 from .media import (
     Media,
-    Pieces,
-    common_directions,
-    fewest_pieces,
+    SharedSpread,
+    fewest_shared_directions,
     in_medium,
+    shared_directions,
 )
 
 # Moments whose weighed square is below this share of the tolerance change nothing that is scattered twice or more.
@@ -33,14 +33,14 @@ THICKEST = 1e6
 _LEAST_COSINE = 1e-4
 
 Solution = Literal["doubling", "modes"]
-"""Ways to the operators of a layer: `manyflux_layer` or `manyflux_modes`."""
+"""Ways to the operators of a layer: `doubling` or `eigenmodes`."""
 
 
 class Effort(NamedTuple):
     """How finely a stack is solved; static."""
 
-    directions: Spread | Resolution | Pieces
-    """A `Resolution` serves where the refractive index is an array, `Pieces` where media of several are joined."""
+    directions: Spread | Resolution | SharedSpread
+    """A `Resolution` where the refractive index is an array, a `SharedSpread` where media of several are joined."""
     kept: int
     """Legendre moments kept; what lies beyond is the forward peak of delta-M."""
     modes: int
@@ -51,7 +51,7 @@ class Effort(NamedTuple):
     @property
     def width(self) -> int:
         """Number of directions in a hemisphere."""
-        return sum(self.directions.counts if isinstance(self.directions, Pieces) else self.directions[:2])
+        return sum(self.directions.counts if isinstance(self.directions, SharedSpread) else self.directions[:2])
 
 
 def smallest_cosine(*cosines: Any) -> float:
@@ -104,12 +104,12 @@ def choose_effort(
 
 def _directions(
     media: float | Media, sizes: tuple[float, ...], tolerance: float, streams: int | None, least_cosine: float
-) -> tuple[Spread | Pieces, float]:
+) -> tuple[Spread | SharedSpread, float]:
     """Directions and the smallest cosine that light has in any layer."""
     if isinstance(media, Media):
         below = 1.0 if media.below is None else media.below
-        pieces = fewest_pieces(media.layers, tuple(sorted({1.0, below})), sizes, tolerance, streams)
-        nodes = [in_medium(common_directions(pieces), index) for index in media.layers]
+        pieces = fewest_shared_directions(media.layers, tuple(sorted({1.0, below})), sizes, tolerance, streams)
+        nodes = [in_medium(shared_directions(pieces), index) for index in media.layers]
         least = min(float(mu[exists].min()) for mu, _, exists in nodes)
         added = [np.sqrt((n - below) * (n + below) + (below * least_cosine) ** 2) / n for n in media.layers]
         return pieces, float(min(least, *added))

@@ -1,15 +1,15 @@
 r"""Reflection and transmission operators of one homogeneous layer from its eigenvectors, in symmetric half-size form.
 
-A layer is u' = -A v, v' = -B u for the sum and difference of down- and upward light (`manyflux_phase.rates`), hence
+A layer is u' = -A v, v' = -B u for the sum and difference of down- and upward light (`scattering.rates`), hence
 u'' = A B u. With A = W W^T and W^T B W = diag(kappa^2), both from one symmetric eigenproblem over the directions of a
 hemisphere, every even function of the depth is a function of kappa^2 alone:
 
     t(A B) = W t(kappa^2) W^-1,      t(z) = tanh(sqrt(z) h)/sqrt(z),
 
-and `manyflux_layer` makes R and T of it. For a direction without weight (`manyflux_bordered`) the same function acts
+and `doubling` makes R and T of it. For a direction without weight (`bordered`) the same function acts
 through its divided differences: that is the integral of the source function along the direction, without resonances.
 
-The eigenproblem is solved by rotations (`manyflux_jacobi`), so that no LAPACK call is left that could hang in bulk.
+The eigenproblem is solved by rotations (`jacobi`), so that no LAPACK call is left that could hang in bulk.
 Derivatives are those of the function, finite at an albedo of one. They ask for eigenvalues that differ, as these do.
 
 Source: paper C (Shinya et al.), equations (18)-(20); Stamnes and Swanson, J. Atmos. Sci. 38 (1981) 387, the half size.
@@ -33,7 +33,7 @@ from .jacobi import symmetric_eigen
 _CLOSE = 0.1
 
 
-class Modes(NamedTuple):
+class Eigenvectors(NamedTuple):
     """Eigenvectors of a layer."""
 
     decay_squared: Float[Array, "*batch n"]
@@ -44,7 +44,7 @@ class Modes(NamedTuple):
     """W^-1."""
 
 
-def layer_modes(a: Float[Array, "*batch n n"], b: Float[Array, "*batch n n"]) -> Modes:
+def layer_modes(a: Float[Array, "*batch n n"], b: Float[Array, "*batch n n"]) -> Eigenvectors:
     """Eigenvectors of layers.
 
     Args:
@@ -52,7 +52,7 @@ def layer_modes(a: Float[Array, "*batch n n"], b: Float[Array, "*batch n n"]) ->
         b: B, symmetric, positive semidefinite.
     """
     squared, shapes = _eigen(a, b)
-    return Modes(squared, shapes, matmul(transposed(shapes), inverse(a)))
+    return Eigenvectors(squared, shapes, matmul(transposed(shapes), inverse(a)))
 
 
 def layer_by_modes(a: Bordered, b: Bordered, thickness: Float[Array, "*batch"]) -> tuple[Bordered, Bordered]:

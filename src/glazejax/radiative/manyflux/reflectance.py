@@ -1,11 +1,11 @@
 """Many-flux Kubelka-Munk: layers with any phase function, all angles and azimuths, under a refracting surface.
 
 The light is followed in discrete directions inside the medium, one set for each Fourier mode of the azimuth. Layers
-are operators made by doubling (`manyflux_layer`) or from eigenvectors (`manyflux_modes`), joined on a ground and under
-a surface (`manyflux_stack`), or with surfaces between layers of different index too (`manyflux_joined`); the directions
-of incidence and viewing are exact, not interpolated (`manyflux_bordered`). What the kept Legendre moments cannot follow
-is treated by delta-M, and light scattered once by the whole phase function (`manyflux_single`). Free-standing layers
-are in `manyflux_free`, the light inside in `manyflux_field`.
+are operators made by doubling (`doubling`) or from eigenvectors (`eigenmodes`), joined on a ground and under
+a surface (`star_product`), or with surfaces between layers of different index too (`joined`); the directions
+of incidence and viewing are exact, not interpolated (`bordered`). What the kept Legendre moments cannot follow
+is treated by delta-M, and light scattered once by the whole phase function (`single`). Free-standing layers
+are in `free`, the light inside in `manyflux_field`.
 
 This is paper C (Shinya et al.) with its directions chosen for the surface. For isotropic scattering it is the
 same quantity as `glazejax.stack_reflectance_factor`, found another way.
