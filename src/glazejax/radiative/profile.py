@@ -19,7 +19,6 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .auxiliary import graded as auxiliary_graded
-from .auxiliary.graded import Light
 from .auxiliary.panels import Mesh, Panels, graded_shares, rules
 from .common.inputs import (
     Numbers,
@@ -32,11 +31,8 @@ from .common.inputs import (
     plain_number,
 )
 from .common.quadrature import gauss
-from .stack import (
-    Method,
-    stack_hemispherical_reflectance,
-    stack_reflectance_factor,
-)
+from .common.stack_arrays import Stack
+from .stack import Method, stack_hemispherical_reflectance, stack_reflectance_factor
 
 Profile: TypeAlias = Callable[[Array], Array] | Numbers
 """A callable of depth (m), or values at equally spaced depths from the surface to the ground."""
@@ -305,8 +301,9 @@ def _meshed(film: _Film, rest: dict[str, Any], tolerance: float) -> Array:
         def one(piece: tuple[Panels, dict[str, Array]]) -> Array:
             local, light = piece
             index = light["refractive_index"] if fixed is None else fixed
-            beam = Light(light["substrate_reflectance"], index, light["cos_incidence"], light.get("cos_viewing"))
-            return auxiliary_graded.reflectance_on(local._replace(rules=table), beam)
+            directions = light["cos_incidence"], light.get("cos_viewing")
+            stack = Stack(local.albedo, local.width, light["substrate_reflectance"], index, *directions)
+            return auxiliary_graded.reflectance_on(local._replace(rules=table), stack)
 
         count = panels.width.shape[-1]
         nodes = count * mesh.nodes

@@ -19,6 +19,7 @@ from .common.inputs import (
     batch_of_stacks,
     check_choice,
     check_tolerance,
+    check_values,
     concrete,
     plain_number,
 )
@@ -224,10 +225,11 @@ def _prepare(inputs: _Inputs, tolerance: float, method: str) -> tuple[Stack, _Pr
     """Checked arguments as a flat batch of stacks, what is fixed in the program, and the batch's shape."""
     check_choice("method", method, Method)
     check_tolerance(tolerance)
-    given = batch_of_stacks(inputs._asdict())
+    check_values({"refractive_index": inputs.refractive_index})
+    fixed = plain_number(inputs.refractive_index)
+    given = batch_of_stacks(inputs._asdict() | ({} if fixed is None else {"refractive_index": None}))
     flat, dtype = given.flat(), given.arrays["albedo"].dtype
     index = concrete(inputs.refractive_index)
-    fixed = plain_number(inputs.refractive_index)
     if index is None or index.size == 0:
         low, high = INDEX_RANGE
     else:
@@ -240,7 +242,7 @@ def _prepare(inputs: _Inputs, tolerance: float, method: str) -> tuple[Stack, _Pr
         flat["albedo"],
         flat["optical_thickness"],
         flat["substrate_reflectance"],
-        flat["refractive_index"] if fixed is None else None,
+        flat.get("refractive_index"),
         flat["cos_incidence"],
         flat.get("cos_viewing"),
     )

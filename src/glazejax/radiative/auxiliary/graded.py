@@ -29,23 +29,7 @@ from ..common.fresnel import cos_refracted, dielectric_reflectance
 from ..common.linalg import solve_positive, transposed
 from ..common.split import Split
 from ..common.stack_arrays import Stack
-from .panels import (
-    Mesh,
-    Panels,
-    decay_integrals,
-    kernel_integrals,
-    layer_panels,
-    own_integrals,
-)
-
-
-class Light(NamedTuple):
-    """What the layers are lit and seen by."""
-
-    ground: Array  # (batch,), rho
-    refractive_index: Any  # (batch,), or one number
-    cos_incidence: Array  # (batch,), in air
-    cos_viewing: Array | None  # (batch,), in air; None for the hemispherical flux
+from .panels import Mesh, Panels, decay_integrals, kernel_integrals, layer_panels, own_integrals
 
 
 class CollocatedSystem(NamedTuple):
@@ -61,7 +45,7 @@ class CollocatedSystem(NamedTuple):
     ground_direct: Array  # (batch,), c T_I e^(-h/mu_0)
 
 
-def _system(panels: Panels, light: Light) -> CollocatedSystem:
+def _system(panels: Panels, light: Stack) -> CollocatedSystem:
     top, width, albedo, h, rules = panels
     batch, count = top.shape
     p = len(rules.nodes)
@@ -238,11 +222,9 @@ def _stack_panels(stack: Stack, mesh: Mesh) -> Panels:
     slant = cos_refracted(stack.cos_incidence, stack.refractive_index)
     if stack.cos_viewing is not None:
         slant = jnp.minimum(slant, cos_refracted(stack.cos_viewing, stack.refractive_index))
-    return layer_panels(stack.optical_thickness, stack.albedo, slant, mesh)
-
-
-def _light(stack: Stack) -> Light:
-    return Light(stack.ground, stack.refractive_index, stack.cos_incidence, stack.cos_viewing)
+    # Deeper is no different, but its square would overflow in a derivative.
+    depth = jnp.minimum(stack.optical_thickness, float(jnp.finfo(stack.albedo.dtype).max) ** 0.25)
+    return layer_panels(depth, stack.albedo, slant, mesh)
 
 
 def _solve(matrix: Array, right: Array) -> Array:
@@ -265,15 +247,23 @@ def _value(system: CollocatedSystem, solution: Array) -> Array:
     return system.factor * (system.ground_direct + inside + system.single - system.single_interpolated)
 
 
-def reflectance_on(panels: Panels, light: Light) -> Array:
-    """Reflectance factor, or hemispherical reflectance where there is no viewing direction, (batch,)."""
+def reflectance_on(panels: Panels, light: Stack) -> Array:
+    """Reflectance factor, or hemispherical reflectance where there is no viewing direction, (batch,).
+
+    Only the ground, the index and the cosines of ``light`` count; the panels hold the layers.
+    """
     system = _system(panels, light)
     return _value(system, _solve(system.matrix, system.exit + system.ground_seen))
 
 
-def split_on(panels: Panels, light: Light) -> Split:
+def reflectance(stack: Stack, mesh: Mesh) -> Array:
+    """Reflectance factor, or hemispherical reflectance where the stack has no viewing direction, (batch,)."""
+    return reflectance_on(_stack_panels(stack, mesh), stack)
+
+
+def split(stack: Stack, mesh: Mesh) -> Split:
     """The same by what the light did last, each (batch,)."""
-    system = _system(panels, light)
+    system = _system(_stack_panels(stack, mesh), stack)
     both = jnp.stack([system.exit, system.ground_seen], axis=-1)
     solution = solve_positive(system.matrix, both)
     scattered, grounded = (jnp.sum(system.beam * solution[..., i], axis=-1) for i in range(2))
@@ -282,16 +272,6 @@ def split_on(panels: Panels, light: Light) -> Split:
         single=system.factor * system.single,
         multiple=system.factor * (scattered - system.single_interpolated),
     )
-
-
-def reflectance(stack: Stack, mesh: Mesh) -> Array:
-    """Reflectance factor, or hemispherical reflectance where the stack has no viewing direction, (batch,)."""
-    return reflectance_on(_stack_panels(stack, mesh), _light(stack))
-
-
-def split(stack: Stack, mesh: Mesh) -> Split:
-    """The same by what the light did last, each (batch,)."""
-    return split_on(_stack_panels(stack, mesh), _light(stack))
 
 
 def reflectance_and_gradient(stack: Stack, mesh: Mesh, wanted: tuple[str, ...]) -> tuple[Array, dict[str, Array]]:
@@ -308,13 +288,13 @@ def reflectance_and_gradient(stack: Stack, mesh: Mesh, wanted: tuple[str, ...]) 
     Returns:
         (batch,) and, by name, d reflectance / d leaf in the shape of the leaf.
     """
-    system = _system(_stack_panels(stack, mesh), _light(stack))
+    system = _system(_stack_panels(stack, mesh), stack)
     forward = _solve(system.matrix, system.exit + system.ground_seen)
     backward = _solve(transposed(system.matrix), system.beam)
 
     def stationary(leaves: dict[str, Array]) -> Array:
         moved = stack._replace(**leaves)
-        s = _system(_stack_panels(moved, mesh), _light(moved))
+        s = _system(_stack_panels(moved, mesh), moved)
         residual = s.exit + s.ground_seen - jnp.einsum("bij,bj->bi", s.matrix, forward)
         return _value(s, forward) + s.factor * jnp.sum(backward * residual, axis=-1)
 

@@ -8,20 +8,9 @@ from jaxtyping import Float
 from ..common.directions import Resolution, half_range
 from ..common.fresnel import cos_refracted
 from ..common.inputs import check_choice, concrete
-from .directions import (
-    Spread,
-    best_directions,
-    fewest_directions,
-    spread_directions,
-)
+from .directions import Spread, best_directions, fewest_directions, spread_directions
 from .doubling import doublings
-from .media import (
-    Media,
-    SharedSpread,
-    fewest_shared_directions,
-    in_medium,
-    shared_directions,
-)
+from .media import Media, SharedSpread, fewest_shared_directions, in_medium, shared_directions
 
 # Moments whose weighed square is below this share of the tolerance change nothing that is scattered twice or more.
 _MOMENT_SHARE = 0.03

@@ -21,14 +21,7 @@ from .call import GivenStack, prepare
 from .effort import Effort, Solution
 from .scattering import azimuth_waves, rates
 from .solve import Layers, discrete_stack, layer_operators
-from .star_product import (
-    Slab,
-    join,
-    join_all,
-    lambert,
-    slab_of_layer,
-    stack_reflection,
-)
+from .star_product import Slab, join, join_all, lambert, slab_of_layer, stack_reflection
 
 
 class Field(NamedTuple):

@@ -22,19 +22,8 @@ from ..common.phase import delta_m
 from .bordered import Bordered, Diagonal, diagonal
 from .effort import Effort
 from .ground import GroundTable, ground_operator
-from .media import (
-    Media,
-    SharedSpread,
-    in_medium,
-    interface_reflectance,
-    shared_directions,
-)
-from .scattering import (
-    associated_legendre,
-    azimuth_waves,
-    rates,
-    scattering,
-)
+from .media import Media, SharedSpread, in_medium, interface_reflectance, shared_directions
+from .scattering import associated_legendre, azimuth_waves, rates, scattering
 from .single import ScatteredOnce, missing_once
 from .solve import Layers, layer_operators
 from .star_product import Slab, join, join_all, slab_of_layer

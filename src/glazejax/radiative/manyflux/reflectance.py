@@ -16,15 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..common.inputs import Numbers, check_values
-from .call import (
-    GivenStack,
-    Indices,
-    diffuse,
-    factors,
-    fluxes,
-    prepare,
-    tables,
-)
+from .call import GivenStack, Indices, diffuse, factors, fluxes, prepare, tables
 from .effort import Solution, smallest_cosine
 from .ground import GroundTable
 

@@ -17,12 +17,7 @@ from .doubling import layer_by_doubling
 from .effort import Effort
 from .eigenmodes import layer_by_modes
 from .media import SharedSpread
-from .scattering import (
-    associated_legendre,
-    azimuth_waves,
-    rates,
-    scattering,
-)
+from .scattering import associated_legendre, azimuth_waves, rates, scattering
 from .single import ScatteredOnce, missing_once
 from .star_product import lambert, stack_reflection, under_surface
 

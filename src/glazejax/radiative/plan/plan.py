@@ -15,12 +15,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Int
 
-from ..common.inputs import (
-    BatchOfStacks,
-    Numbers,
-    batch_of_stacks,
-    check_tolerance,
-)
+from ..common.inputs import BatchOfStacks, Numbers, batch_of_stacks, check_tolerance
 from ..stack import stack_hemispherical_reflectance, stack_reflectance_factor
 from . import reduction
 from .reduction import Rows
