@@ -125,6 +125,15 @@ def test_no_depth_overflows():
     assert np.allclose(value, f(q, jnp.minimum(d, 1e9)), atol=1e-6)
 
 
+def test_a_beam_that_does_not_enter_is_no_nan():
+    # So grazing that the surface reflects all of it, to rounding.
+    for index in (1.0000001, 1.5):
+        flux = auxiliary(
+            [0.5], [0.7], 0.7, refractive_index=index, cos_incidence=1e-30, tolerance=1e-2, hemispherical=True
+        )
+        assert flux == 0
+
+
 def test_no_lapack_call():
     q, d, g, ci, cv = (jnp.asarray(a) for a in random_cases(40))
     q, d = q[:, :2], d[:, :2]

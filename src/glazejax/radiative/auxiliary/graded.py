@@ -138,10 +138,10 @@ def _system(panels: Panels, light: Stack) -> CollocatedSystem:
 
 
 def _rescaled(weights: Array, exact: Array, depth: Array) -> Array:
-    """Factor that gives weights their exact sum; where there is hardly any depth they have it anyway."""
-    deep = depth > 1e-3
+    """Factor that gives weights their exact sum; where there is hardly any depth or light they have it anyway."""
     found = jnp.sum(weights, axis=-1)
-    return jnp.where(deep, exact / jnp.where(deep, found, 1.0), 1.0)[:, None]
+    enough = (depth > 1e-3) & (found > 0)
+    return jnp.where(enough, exact / jnp.where(enough, found, 1.0), 1.0)[:, None]
 
 
 class _Surface(NamedTuple):
