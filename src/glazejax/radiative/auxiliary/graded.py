@@ -222,8 +222,8 @@ def _stack_panels(stack: Stack, mesh: Mesh) -> Panels:
     slant = cos_refracted(stack.cos_incidence, stack.refractive_index)
     if stack.cos_viewing is not None:
         slant = jnp.minimum(slant, cos_refracted(stack.cos_viewing, stack.refractive_index))
-    # Deeper is no different, but its square would overflow in a derivative.
-    depth = jnp.minimum(stack.optical_thickness, float(jnp.finfo(stack.albedo.dtype).max) ** 0.25)
+    # Deeper is no different to rounding, but without absorption the equation would be singular.
+    depth = jnp.minimum(stack.optical_thickness, 1.0 / float(jnp.finfo(stack.albedo.dtype).eps))
     return layer_panels(depth, stack.albedo, slant, mesh)
 
 
