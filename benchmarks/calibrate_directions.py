@@ -16,9 +16,10 @@ import numpy as np
 
 from benchmarks.results import Results, add_option
 from benchmarks.timing import environment
-from glazejax.radiative.common.directions import Directions, Resolution, half_range
+from glazejax.radiative.common.directions import Resolution, half_range, resolve
+from glazejax.radiative.common.quadrature import Directions
 from glazejax.radiative.ordinates import solver as ordinates
-from glazejax.radiative.ordinates.resolution import resolve, resolve_known
+from glazejax.radiative.ordinates.resolution import resolve_known
 from glazejax.radiative.stack import INDEX_RANGE
 
 TOLERANCES = tuple(10.0**-k for k in range(2, 11))

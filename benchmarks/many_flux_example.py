@@ -90,14 +90,14 @@ def series(angles: np.ndarray, orders: tuple[int, ...]) -> list[Order]:
     from glazejax.radiative.common.fresnel import dielectric_reflectance
     from glazejax.radiative.manyflux.effort import Effort
     from glazejax.radiative.manyflux.joined import joined_stack
-    from glazejax.radiative.manyflux.media import Media, fewest_pieces
+    from glazejax.radiative.manyflux.media import Media, fewest_shared_directions
     from glazejax.radiative.manyflux.solve import Layers
     from glazejax.radiative.manyflux.star_product import join, join_in_series
 
     cells = (np.arange(BANDS) + 0.5)[::-1] / BANDS
     seen = jnp.asarray(np.concatenate([cells, np.cos(np.deg2rad(angles))]))
     lit = float(np.cos(np.deg2rad(ANGLE)))
-    pieces = fewest_pieces((INDEX,), (1.0, INDEX), (1.0,), 1e-6, _STREAMS)
+    pieces = fewest_shared_directions((INDEX,), (1.0, INDEX), (1.0,), 1e-6, _STREAMS)
     effort = Effort(pieces, 1, 1, None)
     layers = Layers(jnp.array([ALBEDO]), jnp.array([THICKNESS]), jnp.ones((1, 1)), jnp.asarray(0.0))
     solid = 2.0 * np.pi / DIRECTIONS
@@ -147,7 +147,7 @@ def series(angles: np.ndarray, orders: tuple[int, ...]) -> list[Order]:
 
 def _kept(pieces) -> np.ndarray:
     """n sin(theta) of the nodes."""
-    from glazejax.radiative.manyflux.media import common_directions
+    from glazejax.radiative.manyflux.media import shared_directions
 
-    common = common_directions(pieces)
+    common = shared_directions(pieces)
     return np.sqrt(common.end**2 - common.beyond)

@@ -13,9 +13,10 @@ import pytest
 
 from glazejax import stack_reflectance_factor
 from glazejax.radiative.auxiliary import uniform as auxiliary
+from glazejax.radiative.auxiliary.contraction import solve_contraction
 from glazejax.radiative.auxiliary.kernel_table import MOST_SEGMENTS, KernelTable
 from glazejax.radiative.auxiliary.uniform import reflectance_factor, split_reflectance_factor
-from glazejax.radiative.auxiliary.uniform_solver import Options, solve
+from glazejax.radiative.auxiliary.uniform_solver import GridSettings, solve
 from glazejax.radiative.common.fresnel import cos_refracted
 
 from .cases import CENTRAL, reference_cases
@@ -169,6 +170,29 @@ def test_coarse_steps_at_grazing_angles_are_finite():
         assert np.all(value >= 0)
 
 
+def test_rows_without_weight_do_not_grow_while_others_are_solved():
+    # A slow system: each step is as long as its slowest part wants, far too long for rows that no product sees.
+    loss = np.geomspace(1e-7, 1.0, 80)[:, None, None]
+    weight = jnp.asarray(np.r_[np.ones(80), np.zeros(3)])[:, None, None]
+
+    def apply(x):
+        own = x[:80]
+        return jnp.concatenate([(1.0 - loss) * own, jnp.tile(own.sum(axis=0), (3, 1, 1))])
+
+    found = solve_contraction(apply, weight, jnp.ones((83, 1, 1)))
+    assert np.allclose(found[:80] * loss, 1.0, rtol=1e-4)
+    assert np.allclose(found[80:], 1.0 + (1.0 / loss).sum(), rtol=1e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("settings", [{"corrected": False}, {"variant": "decomposed"}])
+def test_a_thick_white_stack_is_no_nan_beside_unused_segments(settings):
+    q, d = [1.0, 0.6], [1000.0, 0.2]
+    parts = split_reflectance_factor(q, d, 1.0, step=1.0, **settings)
+    assert all(np.isfinite(part) for part in parts)
+    assert sum(parts) == pytest.approx(float(stack_reflectance_factor(q, d, 1.0)), abs=0.1)
+
+
 SLOPE_THICKNESS = np.array([[0.413, 0.777], [0.22, 0.5137], [0.31, 0.417], [0.137, 0.91], [0.22, 0.5137]])
 SLOPE_ALBEDO = np.array([[0.8, 0.4], [0.3, 0.0], [0.0, 0.0], [1.0, 0.2], [1.0, 1.0]])
 
@@ -231,10 +255,12 @@ def test_a_table_serves_jit_and_vmap():
     compiled = jax.jit(f)
     assert np.allclose(compiled(q, d), plain, atol=1e-10, rtol=0)
     assert np.allclose(jax.vmap(f)(q, d), plain, atol=1e-10, rtol=0)
-    # Too thick for the table: no number rather than a wrong one, and the others unharmed.
-    mixed = compiled(q, d.at[0].multiply(3.0))
-    assert np.isnan(mixed[0])
-    assert np.allclose(mixed[1:], plain[1:], atol=1e-10, rtol=0)
+    # Too thick for the table: neither a wrong number nor a silent NaN, and the next call is unharmed.
+    words = r"thicker than 1\.28, all that KernelTable.*make a table of more segments"
+    for mapped in (compiled, jax.vmap(f)):
+        with pytest.raises((RuntimeError, ValueError), match=words):  # whichever JAX makes of it
+            jax.block_until_ready(mapped(q, d.at[0].multiply(3.0)))
+    assert np.allclose(compiled(q, d), plain, atol=1e-10, rtol=0)
     f(q, d.at[0].multiply(3.0))
     assert table.segments > 40
     text = compiled.lower(q, d).compile().as_text()
@@ -254,8 +280,8 @@ def test_own_steps_compile_without_lapack():
         }
     )
     # The direct variant holds all that the decomposed one does but a gather.
-    options = Options("direct", True, 1.5, 0.08, 8)
-    text = solve.lower(batch, jnp.full(1, 8), (), options).compile().as_text()
+    settings = GridSettings("direct", True, 1.5, 0.08, 8)
+    text = solve.lower(batch, jnp.full(1, 8), (), settings).compile().as_text()
     assert text is not None
     assert "lapack" not in "".join(re.findall(r"custom_call_target=\"[^\"]*\"", text)).lower()
 

@@ -111,6 +111,29 @@ def test_gradient_against_differences_and_the_other_method():
         assert np.allclose(slope, expected, atol=1e-5), which
 
 
+def test_no_depth_overflows():
+    q, d, ground = jnp.array([[0.5], [1.0], [0.0]]), jnp.array([1e300, 1e300, 1e6])[:, None], 0.7
+
+    def f(q, d):
+        return auxiliary(q, d, ground, cos_incidence=[1.0, 1e-4, 1e-12], cos_viewing=[1e-4, 1.0, 0.3], tolerance=1e-2)
+
+    value, pull = jax.vjp(f, q, d)
+    by_albedo, by_thickness = pull(jnp.ones(3))
+    assert np.all(np.isfinite(value))
+    assert np.all(np.isfinite(by_albedo))
+    assert np.all(by_thickness == 0)
+    assert np.allclose(value, f(q, jnp.minimum(d, 1e9)), atol=1e-6)
+
+
+def test_a_beam_that_does_not_enter_is_no_nan():
+    # So grazing that the surface reflects all of it, to rounding.
+    for index in (1.0000001, 1.5):
+        flux = auxiliary(
+            [0.5], [0.7], 0.7, refractive_index=index, cos_incidence=1e-30, tolerance=1e-2, hemispherical=True
+        )
+        assert flux == 0
+
+
 def test_no_lapack_call():
     q, d, g, ci, cv = (jnp.asarray(a) for a in random_cases(40))
     q, d = q[:, :2], d[:, :2]

@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from glazejax.radiative.common.directions import gauss
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.radiative.common.phase import henyey_greenstein
+from glazejax.radiative.common.quadrature import gauss
 from glazejax.radiative.manyflux.bordered import Bordered
 from glazejax.radiative.manyflux.free import (
     free_diffuse,
@@ -18,7 +18,7 @@ from glazejax.radiative.manyflux.free import (
     free_regular,
 )
 from glazejax.radiative.manyflux.ground import ground_table
-from glazejax.radiative.manyflux.media import Pieces, common_directions, in_medium
+from glazejax.radiative.manyflux.media import SharedSpread, in_medium, shared_directions
 from glazejax.radiative.manyflux.reflectance import (
     brdf_table,
     manyflux_diffuse_reflectance,
@@ -34,8 +34,8 @@ THICKNESS = np.array([[0.3, 2.0], [0.0, 1e-9], [1e3, 0.0]])[:, None]
 
 def test_directions_of_all_media():
     """Fluxes are exact in each medium; a cosine does not depend on the way to it."""
-    pieces = Pieces((1.0, 1.3, 1.6), (5, 6, 7), 2.0, (1.6, 1.3))
-    common = common_directions(pieces)
+    pieces = SharedSpread((1.0, 1.3, 1.6), (5, 6, 7), 2.0, (1.6, 1.3))
+    common = shared_directions(pieces)
     for index in (1.0, 1.3, 1.6):
         mu, weights, exists = in_medium(common, index)
         assert np.sum(weights * mu) == pytest.approx(0.5, abs=1e-14)

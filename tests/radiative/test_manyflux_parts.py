@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.special import factorial, lpmv
 
-from glazejax.radiative.common.inverse import inverse, inverse_symmetric
+from glazejax.radiative.common.linalg import inverse, inverse_symmetric
 from glazejax.radiative.common.phase import henyey_greenstein
 from glazejax.radiative.manyflux.bordered import Bordered, Diagonal
 from glazejax.radiative.manyflux.directions import Spread, fewest_directions, spread_directions

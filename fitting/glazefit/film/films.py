@@ -12,6 +12,8 @@ from glazejax.geometry import Instrument as Instrument
 from glazejax.radiative.stack import stack_hemispherical_reflectance
 from glazejax.spectra import validate_wavelengths
 
+from .response import ground_below
+
 Spectra = Float[np.ndarray, "films bands"]
 
 
@@ -163,8 +165,7 @@ def card_reflectance(
     r = diffuse_internal_reflectance(instrument)
     share = 1.0 - instrument.surface
     x = (np.asarray(bare) - instrument.seen_surface) / share
-    inside = x / (1.0 - r + x * r)
-    return inside, (1.0 - r) / (1.0 - r + x * r) ** 2 / share
+    return ground_below(x, 1.0 - r, r), (1.0 - r) / (1.0 - r + x * r) ** 2 / share
 
 
 def cards(films: Films, instrument: Instrument, noise: Noise) -> tuple[Spectra, Spectra, Spectra, Spectra]:

@@ -12,6 +12,7 @@ over, so it asks the table; stacks of several coats are solved.
 
 import abc
 import functools
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -31,6 +32,23 @@ _BEND = 0.01
 _NODES = 80
 _TOLERANCE = 1e-6
 _CHUNK = 3200
+
+
+def ground_below(
+    body: Float[Array | np.ndarray, "*batch"],
+    gain: float | Float[Array, "*#batch"],
+    back: float | Float[Array, "*#batch"],
+) -> Any:
+    """Internal reflectance of the Lambertian ground that reads ``body`` = gain rho/(1 - back rho) when it is bare.
+
+    Args:
+        body: reading without the outer surface's part, (...).
+        gain, back: what the bare surface lets through and sends back; of a `FilmResponse` at no thickness, or others.
+
+    Returns:
+        rho, (...), in the kind of the arguments (numpy or JAX); not clipped to [0, 1].
+    """
+    return body / (gain + back * body)
 
 
 class Response(eqx.Module):

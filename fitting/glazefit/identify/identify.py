@@ -28,7 +28,7 @@ from ..film.errors import (
     relative_errors,
 )
 from ..film.films import Films, Instrument, Noise, cards
-from ..film.response import film_response
+from ..film.response import film_response, ground_below
 from .result import POOR_FIT, RARE, Identification, Pool
 from .screen import Paints
 from .search import CHUNK, Task, first_starts, search_chunk
@@ -212,7 +212,7 @@ def ground_from_air(
     response = film_response(instrument.geometry, instrument.refractive_index)
     _, gain, back = response.numbers(jnp.zeros(()), jnp.zeros(()))
     within = np.asarray(bare, dtype=np.float64) - instrument.seen_surface
-    inside = within / (float(gain) + float(back) * within)
+    inside = ground_below(within, float(gain), float(back))
     for wrong, words in ((within < -0.01, "less than its surface alone"), (inside > 1.01, "more than white can")):
         if wrong.any():
             value = np.asarray(bare)[wrong].flat[0]

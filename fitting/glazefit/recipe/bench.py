@@ -19,7 +19,7 @@ from glazejax.geometry import Geometry
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.radiative.stack import stack_hemispherical_reflectance, stack_reflectance_factor
 
-from ..film.response import FilmResponse, film_response
+from ..film.response import FilmResponse, film_response, ground_below
 
 # A colour difference of a hundredth needs no more of the solver.
 TOLERANCE = 1e-5
@@ -183,7 +183,7 @@ def internal(bench: Bench, body: Float[Array, "*batch bands"]) -> Float[Array, "
     """Internal reflectance of the Lambertian ground that, bare, reads `body` without the outer surface's part."""
     nothing = jnp.zeros((), body.dtype)
     black, gain, back = bench.film.numbers(nothing, nothing)
-    return jnp.clip((body - black) / (gain + back * (body - black)), 0.0, 1.0)
+    return jnp.clip(ground_below(body - black, gain, back), 0.0, 1.0)
 
 
 def true_reading(

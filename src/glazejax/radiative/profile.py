@@ -19,22 +19,20 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from .auxiliary import graded as auxiliary_graded
-from .auxiliary.graded import Light
 from .auxiliary.panels import Mesh, Panels, graded_shares, rules
-from .common.directions import gauss
 from .common.inputs import (
     Numbers,
     batch_shape,
+    check_choice,
     check_tolerance,
     check_values,
     concrete,
+    flat_batch,
+    plain_number,
 )
-from .stack import (
-    Method,
-    check_method,
-    stack_hemispherical_reflectance,
-    stack_reflectance_factor,
-)
+from .common.quadrature import gauss
+from .common.stack_arrays import Stack
+from .stack import Method, stack_hemispherical_reflectance, stack_reflectance_factor
 
 Profile: TypeAlias = Callable[[Array], Array] | Numbers
 """A callable of depth (m), or values at equally spaced depths from the surface to the ground."""
@@ -92,7 +90,7 @@ def profile_reflectance_factor(
 
     Source: paper A, eqs (3)-(21).
     """
-    given = _Given(
+    given = _GivenProfile(
         absorption, scattering, thickness, substrate_reflectance, refractive_index, cos_incidence, cos_viewing
     )
     return _evaluate(given, tolerance, method)
@@ -118,11 +116,13 @@ def profile_hemispherical_reflectance(
 
     Source: paper A, eqs (3)-(21).
     """
-    given = _Given(absorption, scattering, thickness, substrate_reflectance, refractive_index, cos_incidence, None)
+    given = _GivenProfile(
+        absorption, scattering, thickness, substrate_reflectance, refractive_index, cos_incidence, None
+    )
     return _evaluate(given, tolerance, method)
 
 
-class _Given(NamedTuple):
+class _GivenProfile(NamedTuple):
     absorption: Profile
     scattering: Profile
     thickness: Numbers
@@ -142,10 +142,10 @@ class _Film(NamedTuple):
     batch: tuple[int, ...]  # of everything
 
 
-def _evaluate(given: _Given, tolerance: float, method: str) -> Array:
+def _evaluate(given: _GivenProfile, tolerance: float, method: str) -> Array:
     names = ("substrate_reflectance", "refractive_index", "cos_incidence", "cos_viewing")
     rest = {name: value for name in names if (value := getattr(given, name)) is not None}
-    check_method(method)
+    check_choice("method", method, Method)
     check_tolerance(tolerance)
     check_values(rest)
     film = _film(given, rest)
@@ -156,7 +156,7 @@ def _evaluate(given: _Given, tolerance: float, method: str) -> Array:
     return _meshed(film, rest, tolerance)
 
 
-def _film(given: _Given, rest: dict[str, Any]) -> _Film:
+def _film(given: _GivenProfile, rest: dict[str, Any]) -> _Film:
     dtype = jnp.result_type(float)
     thickness = jnp.asarray(given.thickness, dtype)
     _refuse("thickness", thickness, "a length in m, >= 0 and finite")
@@ -280,10 +280,8 @@ def _unresolved(error: float, tolerance: float) -> str:
 
 def _meshed(film: _Film, rest: dict[str, Any], tolerance: float) -> Array:
     dtype = film.thickness.dtype
-    flat = {name: jnp.broadcast_to(jnp.asarray(value, dtype), film.batch).reshape(-1) for name, value in rest.items()}
-    number = rest["refractive_index"]
-    fixed = float(number) if isinstance(number, int | float | np.floating | np.integer) else None
-    index = concrete(number)
+    flat = {name: flat_batch(jnp.asarray(value, dtype), film.batch) for name, value in rest.items()}
+    fixed, index = plain_number(rest["refractive_index"]), concrete(rest["refractive_index"])
     lowest = 1.0 if index is None else float(np.min(index, initial=2.5))
     share = jnp.linspace(0.0, 1.0, 257, dtype=dtype)
     total = jnp.mean(film.absorption(share) + film.scattering(share), axis=-1) * film.thickness
@@ -303,8 +301,9 @@ def _meshed(film: _Film, rest: dict[str, Any], tolerance: float) -> Array:
         def one(piece: tuple[Panels, dict[str, Array]]) -> Array:
             local, light = piece
             index = light["refractive_index"] if fixed is None else fixed
-            beam = Light(light["substrate_reflectance"], index, light["cos_incidence"], light.get("cos_viewing"))
-            return auxiliary_graded.reflectance_on(local._replace(rules=table), beam)
+            directions = light["cos_incidence"], light.get("cos_viewing")
+            stack = Stack(local.albedo, local.width, light["substrate_reflectance"], index, *directions)
+            return auxiliary_graded.reflectance_on(local._replace(rules=table), stack)
 
         count = panels.width.shape[-1]
         nodes = count * mesh.nodes

@@ -2,7 +2,7 @@
 
 import functools
 from collections.abc import Callable
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -11,20 +11,23 @@ from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
 from .auxiliary import graded as auxiliary_graded
+from .common.chunks import in_chunks
+from .common.directions import resolve
 from .common.inputs import (
     INDEX_RANGE,
     Numbers,
-    at_least_one_layer,
-    batch_shape,
+    batch_of_stacks,
+    check_choice,
     check_tolerance,
     check_values,
     concrete,
+    plain_number,
 )
 from .common.split import Split
 from .common.stack_arrays import Stack
 from .ordinates import sensitivity
 from .ordinates import solver as ordinates
-from .ordinates.resolution import resolve, resolve_known
+from .ordinates.resolution import resolve_known
 
 Method = Literal["ordinates", "auxiliary", "manyflux"]
 """Ways to compute the same quantity."""
@@ -56,7 +59,7 @@ def _solver(method: str) -> _Solver:
     return _Solver(ordinates.reflectance, sensitivity.reflectance_and_gradient, sensitivity.split)
 
 
-class _Options(NamedTuple):
+class _ProgramSettings(NamedTuple):
     """What is fixed when the program is compiled."""
 
     method: str
@@ -116,11 +119,8 @@ def stack_reflectance_factor(
 
     Source: paper A (Shinozawa et al. 2013), eqs (4)-(22), solved as described in `glazejax.radiative.ordinates.solver`.
     """
-    return _evaluate(
-        _Inputs(albedo, optical_thickness, substrate_reflectance, refractive_index, cos_incidence, cos_viewing),
-        tolerance,
-        method,
-    )
+    given = _Inputs(albedo, optical_thickness, substrate_reflectance, refractive_index, cos_incidence, cos_viewing)
+    return _evaluate(given, tolerance, method)
 
 
 def stack_hemispherical_reflectance(
@@ -146,11 +146,8 @@ def stack_hemispherical_reflectance(
 
     Source: paper A (Shinozawa et al. 2013), eqs (4)-(22), solved as described in `glazejax.radiative.ordinates.solver`.
     """
-    return _evaluate(
-        _Inputs(albedo, optical_thickness, substrate_reflectance, refractive_index, cos_incidence, None),
-        tolerance,
-        method,
-    )
+    given = _Inputs(albedo, optical_thickness, substrate_reflectance, refractive_index, cos_incidence, None)
+    return _evaluate(given, tolerance, method)
 
 
 def split_reflectance_factor(
@@ -173,11 +170,8 @@ def split_reflectance_factor(
 
     Source: paper A (Shinozawa et al. 2013), eqs (19), (22), (32)-(34).
     """
-    return _evaluate_split(
-        _Inputs(albedo, optical_thickness, substrate_reflectance, refractive_index, cos_incidence, cos_viewing),
-        tolerance,
-        method,
-    )
+    given = _Inputs(albedo, optical_thickness, substrate_reflectance, refractive_index, cos_incidence, cos_viewing)
+    return _evaluate_split(given, tolerance, method)
 
 
 def split_hemispherical_reflectance(
@@ -199,11 +193,8 @@ def split_hemispherical_reflectance(
 
     Source: paper A (Shinozawa et al. 2013), eqs (19), (22), (32)-(34).
     """
-    return _evaluate_split(
-        _Inputs(albedo, optical_thickness, substrate_reflectance, refractive_index, cos_incidence, None),
-        tolerance,
-        method,
-    )
+    given = _Inputs(albedo, optical_thickness, substrate_reflectance, refractive_index, cos_incidence, None)
+    return _evaluate_split(given, tolerance, method)
 
 
 class _Inputs(NamedTuple):
@@ -217,72 +208,45 @@ class _Inputs(NamedTuple):
     cos_viewing: Numbers | None
 
 
-def check_method(method: str) -> None:
-    """Refuse a method there is not.
-
-    Raises:
-        ValueError: names it and those there are.
-    """
-    if method not in get_args(Method):
-        raise ValueError(f"method {method!r} is unknown; use one of {', '.join(map(repr, get_args(Method)))}")
-
-
 def _evaluate(inputs: _Inputs, tolerance: float, method: str) -> Array:
-    stack, options, batch = _prepare(inputs, tolerance, method)
-    return _run(stack, options).reshape(batch)
+    stack, settings, batch = _prepare(inputs, tolerance, method)
+    return _run(stack, settings).reshape(batch)
 
 
 def _evaluate_split(inputs: _Inputs, tolerance: float, method: str) -> Split:
-    check_method(method)
+    check_choice("method", method, Method)
     if _solver(method).split is None:
         raise ValueError(f"method {method!r} does not split the reflectance; use 'ordinates' or 'auxiliary'")
-    stack, options, batch = _prepare(inputs, tolerance, method)
-    return jax.tree.map(lambda part: part.reshape(batch), _run_split(stack, options))
+    stack, settings, batch = _prepare(inputs, tolerance, method)
+    return jax.tree.map(lambda part: part.reshape(batch), _run_split(stack, settings))
 
 
-def _prepare(inputs: _Inputs, tolerance: float, method: str) -> tuple[Stack, _Options, tuple[int, ...]]:
+def _prepare(inputs: _Inputs, tolerance: float, method: str) -> tuple[Stack, _ProgramSettings, tuple[int, ...]]:
     """Checked arguments as a flat batch of stacks, what is fixed in the program, and the batch's shape."""
-    check_method(method)
+    check_choice("method", method, Method)
     check_tolerance(tolerance)
-    check_values(inputs._asdict())
-    dtype = jnp.result_type(float)
-    albedo, thickness = jnp.asarray(inputs.albedo, dtype), jnp.asarray(inputs.optical_thickness, dtype)
-    albedo, thickness, count = at_least_one_layer(albedo, thickness)
-    names = ("substrate_reflectance", "refractive_index", "cos_incidence", "cos_viewing")
-    rest = {name: jnp.asarray(v, dtype) for name in names if (v := getattr(inputs, name)) is not None}
-    shapes = {"albedo": albedo.shape[:-1], "optical_thickness": thickness.shape[:-1]}
-    batch = batch_shape(shapes | {name: array.shape for name, array in rest.items()})
-    size = int(np.prod(batch))
-
-    def flat(array: Array) -> Array:
-        return jnp.broadcast_to(array, batch).reshape(size)
-
-    def flat_layers(array: Array) -> Array:
-        return jnp.broadcast_to(array, (*batch, count)).reshape(size, count)
-
+    check_values({"refractive_index": inputs.refractive_index})
+    fixed = plain_number(inputs.refractive_index)
+    given = batch_of_stacks(inputs._asdict() | ({} if fixed is None else {"refractive_index": None}))
+    flat, dtype = given.flat(), given.arrays["albedo"].dtype
     index = concrete(inputs.refractive_index)
-    number = inputs.refractive_index
-    fixed = float(number) if isinstance(number, int | float | np.floating | np.integer) else None
     if index is None or index.size == 0:
         low, high = INDEX_RANGE
     else:
         low, high = float(index.min()), float(index.max())
     if fixed is None and high == 1.0:
         high = 1.001  # an array may be differentiated by, and slopes at one are those just above it
-    floor = 1e-5 if dtype == jnp.float32 else 0.0
-    tolerance = max(tolerance, floor)
-    resolution, chunk = _resolve(inputs, method, tolerance, (low, high), fixed, count, dtype.itemsize)
-    near_one = low < LEAST_SLOPING_INDEX
-    options = _Options(method, resolution, fixed, chunk, near_one)
+    tolerance = max(tolerance, 1e-5 if dtype == jnp.float32 else 0.0)
+    resolution, chunk = _resolve(inputs, method, tolerance, (low, high), fixed, given.layers, dtype.itemsize)
     stack = Stack(
-        flat_layers(albedo),
-        flat_layers(thickness),
-        flat(rest["substrate_reflectance"]),
-        None if fixed is not None else flat(rest["refractive_index"]),
-        flat(rest["cos_incidence"]),
-        None if inputs.cos_viewing is None else flat(rest["cos_viewing"]),
+        flat["albedo"],
+        flat["optical_thickness"],
+        flat["substrate_reflectance"],
+        flat.get("refractive_index"),
+        flat["cos_incidence"],
+        flat.get("cos_viewing"),
     )
-    return stack, options, batch
+    return stack, _ProgramSettings(method, resolution, fixed, chunk, low < LEAST_SLOPING_INDEX), given.batch
 
 
 def _resolve(
@@ -294,7 +258,7 @@ def _resolve(
     layers: int,
     itemsize: int,
 ) -> tuple[Any, int]:
-    """The method's own resolution (see `_Options`), and how many stacks go through the processor at a time."""
+    """The method's own resolution (see `_ProgramSettings`), and how many stacks go through the processor at a time."""
     if method == "manyflux":
         from .manyflux import method as manyflux_method
 
@@ -312,30 +276,30 @@ def _resolve(
 
 
 @functools.partial(jax.jit, static_argnums=1)
-def _run(stack: Stack, options: _Options) -> Array:
-    return _reflectance(stack, options)
+def _run(stack: Stack, settings: _ProgramSettings) -> Array:
+    return _reflectance(stack, settings)
 
 
 @functools.partial(jax.jit, static_argnums=1)
-def _run_split(stack: Stack, options: _Options) -> Split:
-    split = _solver(options.method).split
+def _run_split(stack: Stack, settings: _ProgramSettings) -> Split:
+    split = _solver(settings.method).split
     assert split is not None
 
     def one(chunk: Stack) -> Split:
-        return split(_with_index(chunk, options), options.resolution)
+        return split(_with_index(chunk, settings), settings.resolution)
 
-    return _in_chunks(one, stack, options.chunk)
+    return in_chunks(one, stack, settings.chunk)
 
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(1,))
-def _reflectance(stack: Stack, options: _Options) -> Array:
+def _reflectance(stack: Stack, settings: _ProgramSettings) -> Array:
     def one(chunk: Stack) -> Array:
-        return _solver(options.method).reflectance(_with_index(chunk, options), options.resolution)
+        return _solver(settings.method).reflectance(_with_index(chunk, settings), settings.resolution)
 
-    return _in_chunks(one, stack, options.chunk)
+    return in_chunks(one, stack, settings.chunk)
 
 
-def _reflectance_jvp(options: _Options, primals, tangents):
+def _reflectance_jvp(settings: _ProgramSettings, primals, tangents):
     """Derivatives by the stationary form: the gradient of each stack comes with its value, chunk by chunk.
 
     Only what is differentiated by is computed, and nothing but the gradient itself is kept for a reverse pass.
@@ -346,9 +310,9 @@ def _reflectance_jvp(options: _Options, primals, tangents):
     }
 
     def one(chunk: Stack) -> tuple[Array, dict[str, Array]]:
-        return _with_gradient(_with_index(chunk, options), options, tuple(changes))
+        return _with_gradient(_with_index(chunk, settings), settings, tuple(changes))
 
-    value, gradient = _in_chunks(one, stack, options.chunk)
+    value, gradient = in_chunks(one, stack, settings.chunk)
     tangent = jnp.zeros_like(value)
     for name, change in changes.items():
         tangent += jnp.sum((gradient[name] * change).reshape(*value.shape, -1), axis=-1)
@@ -358,18 +322,18 @@ def _reflectance_jvp(options: _Options, primals, tangents):
 _reflectance.defjvp(_reflectance_jvp, symbolic_zeros=True)
 
 
-def _with_gradient(stack: Stack, options: _Options, wanted: tuple[str, ...]) -> tuple[Array, dict[str, Array]]:
+def _with_gradient(stack: Stack, settings: _ProgramSettings, wanted: tuple[str, ...]) -> tuple[Array, dict[str, Array]]:
     """Reflectance and gradient; slopes by an index of (almost) one are those a little above it."""
-    solve = functools.partial(_solver(options.method).reflectance_and_gradient, wanted=wanted)
-    if "refractive_index" not in wanted or not options.near_one:
-        return solve(stack, options.resolution)
+    solve = functools.partial(_solver(settings.method).reflectance_and_gradient, wanted=wanted)
+    if "refractive_index" not in wanted or not settings.near_one:
+        return solve(stack, settings.resolution)
     near = stack.refractive_index < LEAST_SLOPING_INDEX
     nothing = (jnp.zeros_like(stack.ground), {name: jnp.zeros_like(getattr(stack, name)) for name in wanted})
 
     def at(lifted: Array):
         index = jnp.where(near & lifted, LEAST_SLOPING_INDEX, stack.refractive_index)
         moved = stack._replace(refractive_index=index)
-        return jax.lax.cond(jnp.any(near) | ~lifted, lambda: solve(moved, options.resolution), lambda: nothing)
+        return jax.lax.cond(jnp.any(near) | ~lifted, lambda: solve(moved, settings.resolution), lambda: nothing)
 
     # One program run twice, not two programs: compilation takes longer than either.
     value, slopes = jax.lax.map(at, jnp.array([False, True]))
@@ -377,23 +341,5 @@ def _with_gradient(stack: Stack, options: _Options, wanted: tuple[str, ...]) -> 
     return value[0], plain | {"refractive_index": jnp.where(near, *slopes["refractive_index"][::-1])}
 
 
-def _with_index(stack: Stack, options: _Options) -> Stack:
-    return stack if options.refractive_index is None else stack._replace(refractive_index=options.refractive_index)
-
-
-def _in_chunks(function: Callable, stack: Stack, chunk: int):
-    """Apply to at most `chunk` stacks at a time, so that memory stays bounded whatever the batch."""
-    size = stack.albedo.shape[0]
-    if size <= chunk:
-        return function(stack)
-    pieces = -(-size // chunk)
-    chunk = -(-size // pieces)
-    spare = pieces * chunk - size
-
-    def split(leaf: Array) -> Array:
-        # The last piece is filled up with copies of the first stack, which are dropped again.
-        padded = jnp.concatenate([leaf, jnp.broadcast_to(leaf[:1], (spare, *leaf.shape[1:]))]) if spare else leaf
-        return padded.reshape(pieces, chunk, *leaf.shape[1:])
-
-    out = jax.lax.map(function, jax.tree.map(split, stack))
-    return jax.tree.map(lambda leaf: leaf.reshape(pieces * chunk, *leaf.shape[2:])[:size], out)
+def _with_index(stack: Stack, settings: _ProgramSettings) -> Stack:
+    return stack if settings.refractive_index is None else stack._replace(refractive_index=settings.refractive_index)

@@ -13,8 +13,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
-from ..common.directions import gauss
 from ..common.exponential_integrals import cone_nodes, expn
+from ..common.quadrature import gauss
 
 # Nodes of the direct quadrature, the fewest that leave every entry within 1e-6 (at steps to 0.04; beyond, the error
 # grows with the step). That is where the paper's MATLAB stops by default.

@@ -26,29 +26,13 @@ from jaxtyping import Array
 
 from ..common.exponential_integrals import cone_nodes, critical_cosine, expn
 from ..common.fresnel import cos_refracted, dielectric_reflectance
-from ..common.linalg import solve_positive
+from ..common.linalg import solve_positive, transposed
 from ..common.split import Split
 from ..common.stack_arrays import Stack
-from .panels import (
-    Mesh,
-    Panels,
-    decay_integrals,
-    kernel_integrals,
-    layer_panels,
-    own_integrals,
-)
+from .panels import Mesh, Panels, decay_integrals, kernel_integrals, layer_panels, own_integrals
 
 
-class Light(NamedTuple):
-    """What the layers are lit and seen by."""
-
-    ground: Array  # (batch,), rho
-    refractive_index: Any  # (batch,), or one number
-    cos_incidence: Array  # (batch,), in air
-    cos_viewing: Array | None  # (batch,), in air; None for the hemispherical flux
-
-
-class System(NamedTuple):
+class CollocatedSystem(NamedTuple):
     """The collocated equation (1 - A q/2) psi = V/2 + c M and what its solution is multiplied by."""
 
     matrix: Array  # (batch, n, n)
@@ -61,7 +45,7 @@ class System(NamedTuple):
     ground_direct: Array  # (batch,), c T_I e^(-h/mu_0)
 
 
-def _system(panels: Panels, light: Light) -> System:
+def _system(panels: Panels, light: Stack) -> CollocatedSystem:
     top, width, albedo, h, rules = panels
     batch, count = top.shape
     p = len(rules.nodes)
@@ -141,7 +125,7 @@ def _system(panels: Panels, light: Light) -> System:
         factor = (1.0 - dielectric_reflectance(light.cos_viewing, n)) * out / n**2
         once = jnp.sum(q * both, axis=-1)
     seen = open_share * ground_weight
-    return System(
+    return CollocatedSystem(
         matrix,
         0.5 * exit_weight,
         seen[:, None] * ground_to_node,
@@ -154,10 +138,10 @@ def _system(panels: Panels, light: Light) -> System:
 
 
 def _rescaled(weights: Array, exact: Array, depth: Array) -> Array:
-    """Factor that gives weights their exact sum; where there is hardly any depth they have it anyway."""
-    deep = depth > 1e-3
+    """Factor that gives weights their exact sum; where there is hardly any depth or light they have it anyway."""
     found = jnp.sum(weights, axis=-1)
-    return jnp.where(deep, exact / jnp.where(deep, found, 1.0), 1.0)[:, None]
+    enough = (depth > 1e-3) & (found > 0)
+    return jnp.where(enough, exact / jnp.where(enough, found, 1.0), 1.0)[:, None]
 
 
 class _Surface(NamedTuple):
@@ -182,7 +166,7 @@ def _surface(refractive_index: Any, like: Array) -> _Surface:
     return _Surface(jnp.broadcast_to(mu, shape), share[:, None] * weights * r, critical, share)
 
 
-class _Row(NamedTuple):
+class _MeshRow(NamedTuple):
     tolerance: float
     nodes: int
     points: int
@@ -191,13 +175,13 @@ class _Row(NamedTuple):
 
 # Worst errors of each row: `python -m benchmarks.calibrate_auxiliary`.
 _ROWS = (
-    _Row(1e-2, 4, 8, (2, 3, 5)),
-    _Row(1e-3, 4, 8, (2, 3, 5)),
-    _Row(1e-4, 5, 9, (3, 4, 6)),
-    _Row(1e-5, 6, 10, (3, 4, 6)),
-    _Row(1e-6, 7, 12, (4, 5, 7)),
-    _Row(1e-7, 8, 14, (4, 5, 7)),
-    _Row(1e-8, 9, 16, (5, 6, 8)),
+    _MeshRow(1e-2, 4, 8, (2, 3, 5)),
+    _MeshRow(1e-3, 4, 8, (2, 3, 5)),
+    _MeshRow(1e-4, 5, 9, (3, 4, 6)),
+    _MeshRow(1e-5, 6, 10, (3, 4, 6)),
+    _MeshRow(1e-6, 7, 12, (4, 5, 7)),
+    _MeshRow(1e-7, 8, 14, (4, 5, 7)),
+    _MeshRow(1e-8, 9, 16, (5, 6, 8)),
 )
 _DEPTHS = (2.0, 8.0, 40.0)
 # The thicker the layer, the more its widest panels matter rather than its narrowest.
@@ -238,11 +222,9 @@ def _stack_panels(stack: Stack, mesh: Mesh) -> Panels:
     slant = cos_refracted(stack.cos_incidence, stack.refractive_index)
     if stack.cos_viewing is not None:
         slant = jnp.minimum(slant, cos_refracted(stack.cos_viewing, stack.refractive_index))
-    return layer_panels(stack.optical_thickness, stack.albedo, slant, mesh)
-
-
-def _light(stack: Stack) -> Light:
-    return Light(stack.ground, stack.refractive_index, stack.cos_incidence, stack.cos_viewing)
+    # Deeper is no different to rounding, but without absorption the equation would be singular.
+    depth = jnp.minimum(stack.optical_thickness, 1.0 / float(jnp.finfo(stack.albedo.dtype).eps))
+    return layer_panels(depth, stack.albedo, slant, mesh)
 
 
 def _solve(matrix: Array, right: Array) -> Array:
@@ -252,7 +234,7 @@ def _solve(matrix: Array, right: Array) -> Array:
         return solve_positive(matrix, b[..., None])[..., 0]
 
     def solve_transposed(_, b: Array) -> Array:
-        return solve_positive(jnp.swapaxes(matrix, -1, -2), b[..., None])[..., 0]
+        return solve_positive(transposed(matrix), b[..., None])[..., 0]
 
     def product(x: Array) -> Array:
         return jnp.einsum("bij,bj->bi", matrix, x)
@@ -260,20 +242,28 @@ def _solve(matrix: Array, right: Array) -> Array:
     return jax.lax.custom_linear_solve(product, right, solve, solve_transposed)
 
 
-def _value(system: System, solution: Array) -> Array:
+def _value(system: CollocatedSystem, solution: Array) -> Array:
     inside = jnp.sum(system.beam * solution, axis=-1)
     return system.factor * (system.ground_direct + inside + system.single - system.single_interpolated)
 
 
-def reflectance_on(panels: Panels, light: Light) -> Array:
-    """Reflectance factor, or hemispherical reflectance where there is no viewing direction, (batch,)."""
+def reflectance_on(panels: Panels, light: Stack) -> Array:
+    """Reflectance factor, or hemispherical reflectance where there is no viewing direction, (batch,).
+
+    Only the ground, the index and the cosines of ``light`` count; the panels hold the layers.
+    """
     system = _system(panels, light)
     return _value(system, _solve(system.matrix, system.exit + system.ground_seen))
 
 
-def split_on(panels: Panels, light: Light) -> Split:
+def reflectance(stack: Stack, mesh: Mesh) -> Array:
+    """Reflectance factor, or hemispherical reflectance where the stack has no viewing direction, (batch,)."""
+    return reflectance_on(_stack_panels(stack, mesh), stack)
+
+
+def split(stack: Stack, mesh: Mesh) -> Split:
     """The same by what the light did last, each (batch,)."""
-    system = _system(panels, light)
+    system = _system(_stack_panels(stack, mesh), stack)
     both = jnp.stack([system.exit, system.ground_seen], axis=-1)
     solution = solve_positive(system.matrix, both)
     scattered, grounded = (jnp.sum(system.beam * solution[..., i], axis=-1) for i in range(2))
@@ -282,16 +272,6 @@ def split_on(panels: Panels, light: Light) -> Split:
         single=system.factor * system.single,
         multiple=system.factor * (scattered - system.single_interpolated),
     )
-
-
-def reflectance(stack: Stack, mesh: Mesh) -> Array:
-    """Reflectance factor, or hemispherical reflectance where the stack has no viewing direction, (batch,)."""
-    return reflectance_on(_stack_panels(stack, mesh), _light(stack))
-
-
-def split(stack: Stack, mesh: Mesh) -> Split:
-    """The same by what the light did last, each (batch,)."""
-    return split_on(_stack_panels(stack, mesh), _light(stack))
 
 
 def reflectance_and_gradient(stack: Stack, mesh: Mesh, wanted: tuple[str, ...]) -> tuple[Array, dict[str, Array]]:
@@ -308,13 +288,13 @@ def reflectance_and_gradient(stack: Stack, mesh: Mesh, wanted: tuple[str, ...]) 
     Returns:
         (batch,) and, by name, d reflectance / d leaf in the shape of the leaf.
     """
-    system = _system(_stack_panels(stack, mesh), _light(stack))
+    system = _system(_stack_panels(stack, mesh), stack)
     forward = _solve(system.matrix, system.exit + system.ground_seen)
-    backward = _solve(jnp.swapaxes(system.matrix, -1, -2), system.beam)
+    backward = _solve(transposed(system.matrix), system.beam)
 
     def stationary(leaves: dict[str, Array]) -> Array:
         moved = stack._replace(**leaves)
-        s = _system(_stack_panels(moved, mesh), _light(moved))
+        s = _system(_stack_panels(moved, mesh), moved)
         residual = s.exit + s.ground_seen - jnp.einsum("bij,bj->bi", s.matrix, forward)
         return _value(s, forward) + s.factor * jnp.sum(backward * residual, axis=-1)
 

@@ -16,8 +16,8 @@ import numpy as np
 from jaxtyping import Array
 from numpy.polynomial import legendre
 
-from ..common.directions import gauss
 from ..common.exponential_integrals import expn
+from ..common.quadrature import gauss
 
 # Panels wider than this (in mean free paths of the kernel) are integrated by parts.
 _WIDE = 5.0

@@ -22,19 +22,19 @@ that is a Toeplitz and a Hankel matrix for all stacks, and only the few rows of 
 """
 
 from collections import OrderedDict
-from typing import Any, get_args
+from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from ..common.inputs import at_least_one_layer, batch_shape, check_values, concrete
+from ..common.inputs import batch_of_stacks, check_choice, check_values, concrete, flat_batch
 from ..common.split import Split
 from .kernel_table import MOST_SEGMENTS, KernelTable
-from .segments import append_axes
-from .uniform_solver import Batch, Options, Variant, solve
+from .uniform_solver import Batch, GridSettings, Variant, solve
 
 # Stacks are gathered by number of segments where that saves so many matrix elements (stacks x Q^2): by a fixed step,
 # where all share one matrix and a call costs the more, and by steps of their own.
@@ -120,7 +120,7 @@ def split_reflectance_factor(
         Differentiable by albedo, thickness, ground and the cosines at a fixed number of segments, forward and reverse;
         as printed, the result by a fixed step is piecewise constant in the thickness, so only the corrected one has a
         derivative worth the name. Under `jax.jit` with a traced thickness give a table that is long enough: a stack
-        beyond it gives NaN.
+        beyond it stops the program with an error that names both.
         Stacks of unlike thickness are gathered in a few groups of about as many segments and filled up with segments
         of albedo 0, which scatter nothing and so change nothing.
 
@@ -139,11 +139,11 @@ def _evaluate(albedo, thickness, ground, refractive_index, cosines, step, varian
     given |= {"cos_incidence": cosines[0], "cos_viewing": cosines[1]}
     _check(given, refractive_index, step, variant)
     batch, restore = _flatten(given)
-    options = Options(variant, bool(corrected), float(refractive_index), float(step), 0)
+    settings = GridSettings(variant, bool(corrected), float(refractive_index), float(step), 0)
     thickness = concrete(batch.thickness)
     if thickness is None:
-        return restore(_traced(batch, options, table))
-    count = np.asarray(_segments(np.sum(np.asarray(thickness, np.float64), axis=1), options))
+        return restore(_traced(batch, settings, table))
+    count = np.asarray(_segments(np.sum(np.asarray(thickness, np.float64), axis=1), settings))
     most = int(count.max(initial=1))
     if most > MOST_SEGMENTS:
         thickest = float(np.sum(thickness, axis=1).max())
@@ -151,7 +151,7 @@ def _evaluate(albedo, thickness, ground, refractive_index, cosines, step, varian
             f"an optical thickness of {thickest:g} at step {step:g} needs {most} segments, more than {MOST_SEGMENTS}; "
             f"use a step of {thickest / MOST_SEGMENTS:.2g} or more, or stack_reflectance_factor, which has no steps"
         )
-    vectors = _vectors(_table(table, options, most), options)
+    vectors = _vectors(_table(table, settings, most), settings)
     angles = max(int(np.prod(batch.cos_incidence.shape[1:])), 1)
     parts, order = [], []
     for rows, most in _buckets(count, _WORTH_A_BUCKET[variant]):
@@ -162,7 +162,7 @@ def _evaluate(albedo, thickness, ground, refractive_index, cosines, step, varian
             size = min(chunk, 1 << (some.size - 1).bit_length())
             filled = np.concatenate([some, np.repeat(some[:1], size - some.size)])
             piece = jax.tree.map(lambda leaf, index=filled: leaf[index], batch)
-            parts.append(solve(piece, count[filled], vectors(most), options._replace(most=most)))
+            parts.append(solve(piece, count[filled], vectors(most), settings._replace(most=most)))
             order.append(some)
     if not parts:
         shape = (0, *np.broadcast_shapes(batch.cos_incidence.shape[1:], batch.cos_viewing.shape[1:]))
@@ -178,37 +178,25 @@ def _evaluate(albedo, thickness, ground, refractive_index, cosines, step, varian
 
 
 def _check(given: dict[str, Any], refractive_index: float, step: float, variant: str) -> None:
-    if variant not in get_args(Variant):
-        raise ValueError(f"variant {variant!r} is unknown; use one of {', '.join(map(repr, get_args(Variant)))}")
+    check_choice("variant", variant, Variant)
     if not (np.ndim(step) == 0 and 0 < step < np.inf):
         raise ValueError(f"step is {step}; it must be a positive optical thickness, such as 0.01")
     if isinstance(refractive_index, Tracer) or np.ndim(refractive_index) > 0:
         raise ValueError("refractive_index must be one number here; stack_reflectance_factor takes arrays")
-    check_values(given | {"refractive_index": refractive_index})
+    check_values({"refractive_index": refractive_index})
 
 
 def _flatten(given: dict[str, Any]):
     """One axis of stacks, then axes of angles; and the function that gives a result its shape back."""
     # Known arrays are gathered and cut by NumPy, which starts far faster.
     xp = jnp if any(isinstance(value, Tracer) for value in given.values()) else np
-    dtype = jnp.result_type(float)
-    arrays = {name: xp.asarray(value, dtype) for name, value in given.items()}
-    albedo, thickness = arrays["albedo"], arrays["optical_thickness"]
-    albedo, thickness, layers = at_least_one_layer(albedo, thickness, xp=xp)
-    shapes = {"albedo": albedo.shape[:-1], "optical_thickness": thickness.shape[:-1]}
-    shapes |= {name: array.shape for name, array in arrays.items() if name not in shapes}
-    full = batch_shape(shapes)
-    matter = np.broadcast_shapes(*(shapes[n] for n in ("albedo", "optical_thickness", "substrate_reflectance")))
+    arrays, full, layers = batch_of_stacks(given, xp=xp)
+    of_media = (arrays["albedo"].shape[:-1], arrays["optical_thickness"].shape[:-1])
+    matter = np.broadcast_shapes(*of_media, arrays["substrate_reflectance"].shape)
     matter = (1,) * (len(full) - len(matter)) + matter
     angular = [axis for axis, size in enumerate(full) if matter[axis] == 1 and size != 1]
     others = [axis for axis in range(len(full)) if axis not in angular]
     size = int(np.prod([full[axis] for axis in others]))
-
-    def of_matter(array: Any) -> Any:
-        return xp.broadcast_to(array, matter).reshape(size)
-
-    def of_layers(array: Any) -> Any:
-        return xp.broadcast_to(array, (*matter, layers)).reshape(size, layers)
 
     def of_angles(array: Any) -> Any:
         array = array.reshape((1,) * (len(full) - array.ndim) + array.shape)
@@ -217,9 +205,9 @@ def _flatten(given: dict[str, Any]):
         return array.reshape(size, *array.shape[len(others) :])
 
     batch = Batch(
-        of_layers(albedo),
-        of_layers(thickness),
-        of_matter(arrays["substrate_reflectance"]),
+        flat_batch(arrays["albedo"], matter, layers),
+        flat_batch(arrays["optical_thickness"], matter, layers),
+        flat_batch(arrays["substrate_reflectance"], matter),
         of_angles(arrays["cos_incidence"]),
         of_angles(arrays["cos_viewing"]),
     )
@@ -234,11 +222,11 @@ def _flatten(given: dict[str, Any]):
     return batch, restore
 
 
-def _segments(depth, options: Options):
+def _segments(depth, settings: GridSettings):
     """How many segments stacks of this optical thickness get; for numpy and JAX arrays."""
     xp = jnp if isinstance(depth, jax.Array) else np
-    count = xp.round(depth / options.step)
-    if options.variant == "fixed_step" and options.corrected:
+    count = xp.round(depth / settings.step)
+    if settings.variant == "fixed_step" and settings.corrected:
         return xp.maximum(count, 1).astype(int)
     # The paper asks for two at least; nothing at all needs none.
     return xp.where(depth > 0, xp.maximum(count, 2), 1).astype(int)
@@ -266,13 +254,13 @@ def _rounded_up(count: int) -> int:
     return size * 3 // 4 if size > 2 and count <= size * 3 // 4 else size
 
 
-def _table(table: KernelTable | None, options: Options, most: int) -> KernelTable | None:
+def _table(table: KernelTable | None, settings: GridSettings, most: int) -> KernelTable | None:
     """The table to use, long enough; None where stacks have steps of their own."""
-    if options.variant != "fixed_step":
+    if settings.variant != "fixed_step":
         if table is not None:
-            raise ValueError(f"a table is for variant 'fixed_step'; {options.variant!r} has a step for every stack")
+            raise ValueError(f"a table is for variant 'fixed_step'; {settings.variant!r} has a step for every stack")
         return None
-    key = (options.refractive_index, options.step)
+    key = (settings.refractive_index, settings.step)
     if table is None:
         table = _kept.setdefault(key, KernelTable(*key))
         _kept.move_to_end(key)
@@ -284,11 +272,11 @@ def _table(table: KernelTable | None, options: Options, most: int) -> KernelTabl
     return table
 
 
-def _vectors(table: KernelTable | None, options: Options):
+def _vectors(table: KernelTable | None, settings: GridSettings):
     """What the compiled program needs of the table: a function of the number of segments."""
     if table is None:
         return lambda most: ()
-    if options.corrected:
+    if settings.corrected:
         return lambda most: (table.e3[:most], table.j2[: 2 * most - 1])
     toeplitz, hankel = table.toeplitz, table.hankel
 
@@ -299,14 +287,19 @@ def _vectors(table: KernelTable | None, options: Options):
     return printed
 
 
-def _traced(batch: Batch, options: Options, table: KernelTable | None) -> Split:
+def _traced(batch: Batch, settings: GridSettings, table: KernelTable | None) -> Split:
     """Under `jax.jit`: as many segments as the table given has."""
-    if options.variant != "fixed_step" or table is None or table.segments == 0:
+    if settings.variant != "fixed_step" or table is None or table.segments == 0:
         raise ValueError(
             "optical_thickness is traced by jax.jit, so the number of segments is not known; give variant 'fixed_step' "
             "a table=KernelTable(refractive_index, step, segments) that is long enough, or do not jit"
         )
     most = table.segments
-    count = _segments(jax.lax.stop_gradient(jnp.sum(batch.thickness, axis=1)), options)
-    split = solve(batch, jnp.minimum(count, most), _vectors(table, options)(most), options._replace(most=most))
-    return jax.tree.map(lambda leaf: jnp.where(append_axes(jnp.asarray(count > most), leaf), jnp.nan, leaf), split)
+    count = _segments(jax.lax.stop_gradient(jnp.sum(batch.thickness, axis=1)), settings)
+    count = eqx.error_if(
+        count,
+        count > most,
+        f"a stack is thicker than {most * settings.step:g}, all that {table!r} reaches under jax.jit; make a table of "
+        "more segments, or call without jit, where it grows by itself",
+    )
+    return solve(batch, count, _vectors(table, settings)(most), settings._replace(most=most))

@@ -13,6 +13,7 @@ from jaxtyping import Array, Float, Int
 from ..common.exponential_integrals import expn, internal_reflection_integral
 from ..common.fresnel import cos_refracted, dielectric_reflectance
 from ..common.kernels import decay_integral
+from ..common.linalg import matmul
 from ..common.split import Split
 from . import assembly
 from .contraction import solve_contraction
@@ -22,7 +23,7 @@ Variant = Literal["direct", "decomposed", "fixed_step"]
 """How the matrix comes about."""
 
 
-class Options(NamedTuple):
+class GridSettings(NamedTuple):
     """What is fixed when the program is compiled."""
 
     variant: Variant
@@ -43,25 +44,25 @@ class Batch(NamedTuple):
 
 
 @functools.partial(jax.jit, static_argnums=3)
-def solve(batch: Batch, count: Int[Array, "stacks"], vectors: tuple, options: Options) -> Split:
+def solve(batch: Batch, count: Int[Array, "stacks"], vectors: tuple, settings: GridSettings) -> Split:
     """Parts of the reflectance factor, (stacks, *angles).
 
     Args:
         batch: stacks.
-        count: Q of each, at most `options.most`.
+        count: Q of each, at most `settings.most`.
         vectors: with a fixed step, corrected: E_3 and J_2 at the edges (`KernelTable`'s e3, j2); as printed: H and
             U, e2, j1, e3, j2; else none.
-        options: static.
+        settings: static.
     """
     vectors = jax.tree.map(lambda v: jnp.asarray(v, batch.albedo.dtype), vectors)
-    if options.variant == "fixed_step" and options.corrected:
-        return _galerkin(batch, count, vectors, options)
-    if options.variant == "fixed_step":
-        return _collocation(batch, count, vectors, options)
+    if settings.variant == "fixed_step" and settings.corrected:
+        return _galerkin(batch, count, vectors, settings)
+    if settings.variant == "fixed_step":
+        return _collocation(batch, count, vectors, settings)
 
     def one(stack_and_count: tuple[Batch, Array]) -> Split:
         alone, its_count = jax.tree.map(lambda leaf: leaf[None], stack_and_count)
-        return jax.tree.map(lambda leaf: leaf[0], _collocation(alone, its_count, vectors, options))
+        return jax.tree.map(lambda leaf: leaf[0], _collocation(alone, its_count, vectors, settings))
 
     # One after the other: a stack's own matrix then stays in the cache through assembly and solution.
     return jax.lax.map(one, (batch, count))
@@ -85,34 +86,34 @@ class _Beam(NamedTuple):
         return -self.cosine * jnp.exp(-s / self.cosine)
 
 
-def _galerkin(batch: Batch, count: Array, vectors: tuple, options: Options) -> Split:
+def _galerkin(batch: Batch, count: Array, vectors: tuple, settings: GridSettings) -> Split:
     """Fixed step, corrected; see the module."""
-    segments = Segments.make(batch.albedo.T, batch.thickness.T, options.step, count, options.most)
+    segments = Segments.make(batch.albedo.T, batch.thickness.T, settings.step, count, settings.most)
     edges, faces = segments.edges, segments.faces
     depth = faces[-1]
 
     depths = jnp.concatenate([edges, faces])
 
     def kernel(face: Array) -> Array:
-        reflected = internal_reflection_integral(2, face + depths, options.refractive_index)
+        reflected = internal_reflection_integral(2, face + depths, settings.refractive_index)
         # Not abs, whose slope at zero is neither side's: a face on an edge is in the segment below it.
         return reflected - expn(3, jnp.where(face >= depths, face - depths, depths - face))
 
     # (layers, n + layers, stacks)
     to_all = assembly.computed_once(lambda: jax.lax.map(kernel, faces), 1.0 + depth)
-    to_faces, among_faces = to_all[:, : options.most], to_all[:, options.most :]
+    to_faces, among_faces = to_all[:, : settings.most], to_all[:, settings.most :]
     among_edges = assembly.toeplitz_plus_hankel(-vectors[0], vectors[1])
 
     def apply(t: Array) -> Array:
         at_edges, at_faces = segments.jumps(t)
-        field_edges = jnp.matmul(among_edges, at_edges.reshape(options.most, -1), precision="highest").reshape(t.shape)
+        field_edges = matmul(among_edges, at_edges.reshape(settings.most, -1)).reshape(t.shape)
         field_edges += jnp.sum(to_faces[..., None] * at_faces[:, None], axis=0)
         field_faces = jnp.sum(to_faces[..., None] * at_edges, axis=1)
         field_faces += jnp.sum(among_faces[..., None] * at_faces, axis=1)
         return segments.doubled[..., None] * t - 0.5 * segments.average(field_edges, field_faces)
 
-    incident = _Beam.make(batch.cos_incidence, options.refractive_index, depth)
-    viewing = _Beam.make(batch.cos_viewing, options.refractive_index, depth)
+    incident = _Beam.make(batch.cos_incidence, settings.refractive_index, depth)
+    viewing = _Beam.make(batch.cos_viewing, settings.refractive_index, depth)
     into, out = ((beam.antiderivative(edges), beam.antiderivative(faces)) for beam in (incident, viewing))
     strength = incident.transmittance / (2.0 * jnp.pi * incident.cosine)
     # M, the light that an evenly bright ground sends: the kernel's column at the ground.
@@ -132,30 +133,30 @@ def _galerkin(batch: Batch, count: Array, vectors: tuple, options: Options) -> S
     leaving = append_axes(batch.ground, arriving) / jnp.pi * arriving
     single = strength * _scattered_once(batch, incident, viewing)
     multiple = jnp.sum(seen * scattered, axis=0) + leaving * jnp.sum(seen * append_axes(from_ground, seen), axis=0)
-    return _seen(viewing, options.refractive_index, leaving, single, 0.5 * multiple)
+    return _seen(viewing, settings.refractive_index, leaving, single, 0.5 * multiple)
 
 
-def _collocation(batch: Batch, count: Array, vectors: tuple, options: Options) -> Split:
+def _collocation(batch: Batch, count: Array, vectors: tuple, settings: GridSettings) -> Split:
     """Eqs (23)-(34): midpoints; each stack's own step, or the fixed one as printed."""
-    index = options.refractive_index
+    index = settings.refractive_index
     depth = jnp.sum(batch.thickness, axis=1)
     present = depth > 0
     held = jnp.where(present, count, 0)  # Q
-    if options.variant == "fixed_step":
-        step = jnp.full_like(depth, options.step)
+    if settings.variant == "fixed_step":
+        step = jnp.full_like(depth, settings.step)
         depth = held * step
         matrix, *rest = vectors
         matrix = assembly.toeplitz_plus_hankel(matrix, rest.pop(0))
-        m, m_integrated, k = _tabulated_ground(rest, held, options.most)
+        m, m_integrated, k = _tabulated_ground(rest, held, settings.most)
     else:
-        step = jnp.where(present, depth / count, options.step)
-        assemble = assembly.direct if options.variant == "direct" else assembly.decomposed
-        matrix, m, m_integrated, k = assemble(step, held, options.most, index)
+        step = jnp.where(present, depth / count, settings.step)
+        assemble = assembly.direct if settings.variant == "direct" else assembly.decomposed
+        matrix, m, m_integrated, k = assemble(step, held, settings.most, index)
     incident, viewing = (_Beam.make(c, index, depth) for c in (batch.cos_incidence, batch.cos_viewing))
     strength = incident.transmittance / (2.0 * jnp.pi * incident.cosine)
-    edges = jnp.arange(options.most + 1)[:, None] * step
-    if options.corrected:
-        segments = Segments.make(batch.albedo.T, batch.thickness.T, step, count, options.most)
+    edges = jnp.arange(settings.most + 1)[:, None] * step
+    if settings.corrected:
+        segments = Segments.make(batch.albedo.T, batch.thickness.T, step, count, settings.most)
         albedo = jnp.where(present, segments.scattering / step, 0.0)
 
         into, out = (
@@ -167,7 +168,7 @@ def _collocation(batch: Batch, count: Array, vectors: tuple, options: Options) -
         middle = edges[:-1] + 0.5 * step
         layer = jnp.sum(jnp.cumsum(batch.thickness, axis=1).T[:-1, None] <= middle, axis=0)
         albedo = jnp.take_along_axis(batch.albedo.T, layer, axis=0)
-        albedo = jnp.where(jnp.arange(options.most)[:, None] < held, albedo, 0.0)
+        albedo = jnp.where(jnp.arange(settings.most)[:, None] < held, albedo, 0.0)
         seen = viewing.antiderivative(edges)
         seen = append_axes(albedo, seen) * (seen[1:] - seen[:-1])
         once = strength * jnp.exp(-append_axes(middle, incident.cosine[None]) / incident.cosine)
@@ -177,7 +178,7 @@ def _collocation(batch: Batch, count: Array, vectors: tuple, options: Options) -
         """1/2 (H + U) P t."""
         source = albedo[..., None] * t
         if matrix.ndim == 2:
-            product = jnp.matmul(matrix, source.reshape(options.most, -1), precision="highest").reshape(t.shape)
+            product = matmul(matrix, source.reshape(settings.most, -1)).reshape(t.shape)
         else:
             product = _rows_times(source[:, 0].T, matrix[0]).T[:, None]
         return 0.5 * product
@@ -206,8 +207,8 @@ def _solve(apply, weight: Array, once: Array, ground: Array) -> tuple[Array, Arr
 def _rows_times(rows: Array, matrix: Array) -> Array:
     """rows @ matrix; a few rows one by one, which XLA does several times faster on the CPU than together."""
     if rows.shape[0] > 3:
-        return jnp.matmul(rows, matrix, precision="highest")
-    return jnp.stack([jnp.matmul(row, matrix, precision="highest") for row in rows])
+        return matmul(rows, matrix)
+    return jnp.stack([matmul(row, matrix) for row in rows])
 
 
 def _tabulated_ground(tables: list[Array], count: Array, most: int) -> tuple[Array, Array, Array]:

@@ -11,11 +11,17 @@ import functools
 from typing import NamedTuple
 
 import jax
-import numpy as np
 from jaxtyping import Array, Float
 
-from .fresnel import array_module, dielectric_reflectance
+from .quadrature import Directions, conserve, gauss, graded_gauss, split_range
 from .simultaneous import simultaneous_rule
+
+# Below this index the internal reflectance rises within a sliver of directions above the critical angle.
+NEAR_ONE = 1.07
+# No real medium; but asked for, it gets the directions that its almost singular interface needs.
+_SLIVER = 1.0001
+# Above this index the cone is narrow and what it lets out is bright.
+HIGH = 1.85
 
 
 class Resolution(NamedTuple):
@@ -29,64 +35,6 @@ class Resolution(NamedTuple):
     """Whether the cone's nodes crowd towards grazing too: needed as the index nears one."""
     crowding: float | None = None
     """If given: one rule for the whole half range with this crowding, whose conditions `cone` and `total` count."""
-
-
-class Directions(NamedTuple):
-    """Nodes inside the medium, cosines descending. A leading batch axis appears where n varies."""
-
-    cosines: Array | np.ndarray  # (..., n), mu in (0, 1]
-    weights: Array | np.ndarray  # (..., n), sum w = 1, sum w mu = 1/2
-    reflectance: Array | np.ndarray  # (..., n), internal Fresnel reflectance R(mu)
-
-
-# Crowding c of n = 2, 3, ... graded nodes that makes the largest error of int_0^1 x e^(-D/x) dx over all D, the
-# slowest integral of a thin layer, smallest (`python -m benchmarks.calibrate_directions` prints the search).
-_CROWDING = (
-    0.0,
-    0.3,
-    0.6,
-    1.1,
-    1.4,
-    1.7,
-    2.0,
-    2.2,
-    2.4,
-    2.6,
-    2.8,
-    3.0,
-    3.1,
-    3.3,
-    3.5,
-    3.6,
-    3.8,
-    3.9,
-    4.1,
-    4.2,
-    4.4,
-    4.5,
-    4.6,
-)
-
-
-@functools.lru_cache(maxsize=128)
-def gauss(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Gauss-Legendre nodes (descending) and weights on [0, 1]; not to be written to."""
-    y, w = np.polynomial.legendre.leggauss(count)
-    return 0.5 * (1.0 - y), 0.5 * w
-
-
-def graded_gauss(count: int, crowding: float | None = None) -> tuple[np.ndarray, np.ndarray]:
-    """Gauss nodes (descending) and weights on [0, 1] under x = (e^(c y^2) - 1)/(e^c - 1).
-
-    Near zero x goes as y^2, so nodes crowd at grazing directions; towards one they spread out less than under y^2.
-    ``crowding`` is c, by default the best one for the count.
-    """
-    y, w = gauss(count)
-    c = _CROWDING[min(max(count, 2) - 2, len(_CROWDING) - 1)] if crowding is None else crowding
-    if c == 0:
-        return y**2, w * 2.0 * y
-    scale = np.expm1(c)
-    return np.expm1(c * y**2) / scale, w * 2.0 * c * y * np.exp(c * y**2) / scale
 
 
 def half_range(refractive_index: float | Float[Array, "*batch"], resolution: Resolution) -> Directions:
@@ -103,57 +51,64 @@ def half_range(refractive_index: float | Float[Array, "*batch"], resolution: Res
     Raises:
         ValueError: a rule for the whole half range where the index is an array, or where there is no such rule.
     """
-    if resolution.crowding is not None:
-        return _whole_range(refractive_index, resolution)
-    xp = array_module(refractive_index)
-    n = refractive_index[..., None] if isinstance(refractive_index, jax.Array) else np.float64(refractive_index)
-    outside, w_outside = graded_gauss(resolution.cone) if resolution.crowded else gauss(resolution.cone)
-    excess = (n - 1.0) * (n + 1.0)
-    if resolution.total:
-        # At n = 1 the totally reflected part is empty; a sliver keeps 1/mu finite where n is an array.
-        excess = xp.maximum(excess, 1e-18 if excess.dtype == np.float64 else 1e-11)
-    cosines = xp.sqrt(excess + outside**2) / n
-    weights = w_outside * outside / (n * n * cosines)
-    reflectance = dielectric_reflectance(outside, n)
-    if resolution.total:
-        critical = xp.sqrt(excess) / n
-        y, w = graded_gauss(resolution.total)
-        cosines = xp.concatenate([cosines, critical * y], axis=-1)
-        weights = xp.concatenate([weights, critical * w], axis=-1)
-        beyond = xp.where(n > 1.0, 1.0, 0.0) * xp.ones(resolution.total)
-        reflectance = xp.concatenate([reflectance, beyond], axis=-1)
-    return Directions(cosines, conserve(cosines, weights), reflectance)
-
-
-@functools.lru_cache(maxsize=64)
-def _whole_range_of(index: float, resolution: Resolution) -> Directions:
-    assert resolution.crowding is not None
-    found = simultaneous_rule(index, resolution.total, resolution.cone, resolution.crowding)
-    if found is None:
-        raise ValueError(f"there are no directions for the whole half range of index {index:g} with {resolution}")
-    return Directions(found.cosines, conserve(found.cosines, found.weights), found.reflectance)
-
-
-def _whole_range(refractive_index: float | Float[Array, "*batch"], resolution: Resolution) -> Directions:
+    if resolution.crowding is None:
+        outside = graded_gauss(resolution.cone) if resolution.crowded else gauss(resolution.cone)
+        return split_range(refractive_index, outside, graded_gauss(resolution.total) if resolution.total else None)
     if isinstance(refractive_index, jax.Array):
         raise ValueError("directions for the whole half range need an index that is a number; it is an array here")
-    return _whole_range_of(float(refractive_index), resolution)
+    found = whole_range(float(refractive_index), resolution)
+    if found is None:
+        raise ValueError(
+            f"there are no directions for the whole half range of index {refractive_index} with {resolution}"
+        )
+    return found
 
 
-def conserve(
-    cosines: Float[Array | np.ndarray, "*batch n"], weights: Float[Array | np.ndarray, "*batch n"]
-) -> Float[Array | np.ndarray, "*batch n"]:
-    """Weights with sum w = 1 and sum w mu = 1/2 exactly, by the smallest relative change.
+@functools.lru_cache(maxsize=256)
+def whole_range(index: float, resolution: Resolution) -> Directions | None:
+    """One rule for the whole half range of an index that is a number; None where there is no such rule."""
+    assert resolution.crowding is not None
+    found = simultaneous_rule(index, resolution.total, resolution.cone, resolution.crowding)
+    return None if found is None else found._replace(weights=conserve(found.cosines, found.weights))
 
-    Without it an albedo of one would lose energy.
+
+class _ResolutionRow(NamedTuple):
+    tolerance: float
+    cone: int
+    total: int
+    near_cone: int  # for indices between 1 and 1.07, and where the index is not known
+
+
+# Worst errors of each row: `python -m benchmarks.calibrate_directions`.
+_ROWS = (
+    _ResolutionRow(1e-2, 3, 3, 4),
+    _ResolutionRow(1e-3, 4, 5, 6),
+    _ResolutionRow(1e-4, 5, 6, 8),
+    _ResolutionRow(1e-5, 6, 8, 11),
+    _ResolutionRow(1e-6, 7, 10, 12),
+    _ResolutionRow(1e-7, 8, 13, 14),
+    _ResolutionRow(1e-8, 9, 15, 17),
+    _ResolutionRow(1e-9, 11, 19, 20),
+    _ResolutionRow(1e-10, 12, 22, 23),
+)
+
+
+def resolve(tolerance: float, lowest_index: float, highest_index: float) -> Resolution:
+    """Directions that keep the absolute error of either reflectance below the tolerance for an array of indices.
+
+    A span that reaches down to one, such as that of a traced index, gets directions good for all of it.
+
+    Args:
+        tolerance: absolute error wanted; anything below 1e-10 gets the directions for 1e-10.
+        lowest_index: smallest refractive index of the batch.
+        highest_index: largest one, above 1.
+
+    Returns:
+        `Resolution`, the first row of the table that is fine enough, split at the critical angle.
     """
-
-    def moment(power):
-        return array_module(weights).sum(weights * cosines**power, axis=-1)
-
-    m0, m1, m2 = moment(0), moment(1), moment(2)
-    miss0, miss1 = 1.0 - m0, 0.5 - m1
-    determinant = m0 * m2 - m1 * m1
-    constant = (miss0 * m2 - miss1 * m1) / determinant
-    linear = (miss1 * m0 - miss0 * m1) / determinant
-    return weights * (1.0 + constant[..., None] + linear[..., None] * cosines)
+    row = next((row for row in _ROWS if row.tolerance <= tolerance * (1 + 1e-9)), _ROWS[-1])
+    if 1.0 < lowest_index < _SLIVER:
+        return Resolution(3 * row.near_cone // 2 + 1, row.total, crowded=True)
+    if lowest_index < NEAR_ONE:
+        return Resolution(row.near_cone, row.total, crowded=True)
+    return Resolution(row.cone + (highest_index > HIGH), row.total, crowded=False)

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from .directions import gauss
+from .quadrature import gauss
 
 _SPLIT = 1.0
 _SERIES_TERMS = 20

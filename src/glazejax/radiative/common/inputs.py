@@ -1,7 +1,7 @@
 """What the functions of this package are given: one check of values and one rule of shapes for all of them."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias, get_args
 
 import jax
 import jax.numpy as jnp
@@ -35,6 +35,21 @@ def concrete(value: Numbers) -> np.ndarray | None:
         return np.asarray(known)
     except jax.errors.TracerArrayConversionError:
         return None
+
+
+def plain_number(value: Any) -> float | None:
+    """A number of Python or numpy; None for an array, and for what is traced."""
+    return float(value) if isinstance(value, int | float | np.floating | np.integer) else None
+
+
+def check_choice(name: str, value: str, choices: Any) -> None:
+    """Refuse a value that is none of those of a `Literal`.
+
+    Raises:
+        ValueError: names the argument, the value and the choices.
+    """
+    if value not in get_args(choices):
+        raise ValueError(f"{name} {value!r} is unknown; use one of {', '.join(map(repr, get_args(choices)))}")
 
 
 def check_values(given: Mapping[str, Numbers | None]) -> None:
@@ -87,3 +102,50 @@ def batch_shape(shapes: Mapping[str, tuple[int, ...]], last: str = "layers") -> 
     except ValueError:
         listing = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
         raise ValueError(f"batch shapes do not broadcast: {listing} ({last}, the last axis, not counted)") from None
+
+
+class BatchOfStacks(NamedTuple):
+    """Arguments that describe a batch of stacks, checked."""
+
+    arrays: dict[str, Any]
+    """By name: albedo and optical_thickness (..., layers), the others (...); they broadcast."""
+    batch: tuple[int, ...]
+    layers: int
+
+    def flat(self) -> dict[str, Any]:
+        """The arrays with one batch axis: (stacks, layers) and (stacks,)."""
+        return {
+            name: flat_batch(a, self.batch, *[self.layers] * (name in _OF_LAYERS)) for name, a in self.arrays.items()
+        }
+
+
+_OF_LAYERS = ("albedo", "optical_thickness")
+
+
+def batch_of_stacks(
+    given: Mapping[str, Any], *, xp: Any = jnp, dtype: Any = None, shapes: Mapping[str, tuple[int, ...]] | None = None
+) -> BatchOfStacks:
+    """Checked arguments as arrays.
+
+    Args:
+        given: by name, albedo and optical_thickness among them; None is an argument not given.
+        xp: numpy or jax.numpy.
+        dtype: of the arrays; by default JAX's, single or double.
+        shapes: batch shapes of what else must broadcast, by name.
+
+    Raises:
+        ValueError: a known value out of range, axes of layers that do not fit, or shapes that do not broadcast.
+    """
+    check_values(given)
+    dtype = dtype or jnp.result_type(float)
+    arrays = {name: xp.asarray(value, dtype) for name, value in given.items() if value is not None}
+    albedo, thickness, layers = at_least_one_layer(*(arrays[name] for name in _OF_LAYERS), xp=xp)
+    arrays |= {"albedo": albedo, "optical_thickness": thickness}
+    own = {name: array.shape[:-1] if name in _OF_LAYERS else array.shape for name, array in arrays.items()}
+    return BatchOfStacks(arrays, batch_shape({**own, **(shapes or {})}), layers)
+
+
+def flat_batch(array: Any, batch: tuple[int, ...], *last: int) -> Any:
+    """An array (..., *last) that broadcasts against the batch, with the batch as one axis."""
+    xp = jnp if isinstance(array, jax.Array) else np
+    return xp.broadcast_to(array, (*batch, *last)).reshape(int(np.prod(batch)), *last)

@@ -5,6 +5,8 @@ Up to some 40 rows halving the matrix is three times faster than eliminating row
 through memory once a row.
 """
 
+from collections.abc import Callable
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -19,6 +21,11 @@ def product(a: Float[Array, "*batch l m"], b: Float[Array, "*batch m n"]) -> Flo
     """Matrix product of many small matrices."""
     if a.shape[-1] <= _FUSED:
         return jnp.sum(a[..., :, :, None] * b[..., None, :, :], axis=-2)
+    return matmul(a, b)
+
+
+def matmul(a: Float[Array, "*batch l m"], b: Float[Array, "*batch m n"]) -> Float[Array, "*batch l n"]:
+    """Matrix product, in full precision on an accelerator too."""
     return jnp.matmul(a, b, precision="highest")
 
 
@@ -45,6 +52,41 @@ def inverse_positive(a: Float[Array, "*batch n n"]) -> Float[Array, "*batch n n"
     side = -product(across, complement)
     upper = jnp.concatenate([corner - product(side, transposed(across)), side], axis=-1)
     return jnp.concatenate([upper, jnp.concatenate([transposed(side), complement], axis=-1)], axis=-2)
+
+
+def _with_slope(inverse: Callable[[Array], Array]) -> Callable[[Array], Array]:
+    """Adds d(A^-1) = -A^-1 dA A^-1: the derivative of an elimination's steps takes JAX many times longer to compile."""
+    known = jax.custom_jvp(inverse)
+
+    def slope(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
+        found = known(*primals)
+        return found, -matmul(matmul(found, tangents[0]), found)
+
+    known.defjvp(slope)
+    return known
+
+
+@_with_slope
+def inverse_symmetric(a: Float[Array, "*batch n n"]) -> Float[Array, "*batch n n"]:
+    """`inverse_positive` with a derivative that is a product: faster than `inverse`, slower to compile."""
+    return inverse_positive(a)
+
+
+@_with_slope
+def inverse(a: Float[Array, "*batch n n"]) -> Float[Array, "*batch n n"]:
+    """Inverse by Gauss and Jordan's sweep over the rows, in place, without pivoting; its derivative is a product.
+
+    For matrices that are symmetric positive definite or, scaled by a positive vector, diagonally dominant by rows.
+    """
+    n = a.shape[-1]
+
+    def sweep(j: Array, work: Array) -> Array:
+        row = jax.lax.dynamic_index_in_dim(work, j, work.ndim - 2, keepdims=False)
+        column = jax.lax.dynamic_index_in_dim(work, j, work.ndim - 1, keepdims=False)
+        pivot = jax.lax.dynamic_index_in_dim(row, j, row.ndim - 1)
+        return _swept(work, row, column, pivot, (jnp.arange(n) == j).astype(work.dtype))
+
+    return jax.lax.fori_loop(0, n, sweep, a)
 
 
 _BLOCK = 4
@@ -79,8 +121,13 @@ def _small_inverse(a: Array) -> Array:
     """Inverse of a few rows by Gauss-Jordan elimination, one fused step a pivot."""
     identity = np.eye(a.shape[-1], dtype=a.dtype)
     for j in range(a.shape[-1]):
-        here, others = identity[j], 1.0 - identity[j]
-        row = (a[..., j, :] * others + here) / a[..., j, j, None]
-        left = here - a[..., :, j] * others
-        a = a * (others[:, None] * others) + left[..., :, None] * row[..., None, :]
+        a = _swept(a, a[..., j, :], a[..., :, j], a[..., j, j, None], identity[j])
     return a
+
+
+def _swept(a: Array, row: Array, column: Array, pivot: Array, here: Array | np.ndarray) -> Array:
+    """A after Gauss and Jordan's step, in place, on the row and column of a pivot; ``here`` is 1 at its number."""
+    others = 1.0 - here
+    row = (row * others + here) / pivot
+    left = here - column * others
+    return a * (others[:, None] * others) + left[..., :, None] * row[..., None, :]

@@ -14,13 +14,11 @@ Numer. Math. 67 (1994) 271, on simultaneous Gaussian quadrature). Some R_i may l
 sums have a meaning.
 """
 
-import functools
-from typing import NamedTuple
-
 import numpy as np
 from jaxtyping import Float
 
 from .fresnel import dielectric_reflectance
+from .quadrature import Directions, gauss
 
 # Points of the fine rule under the inner products, on each side of the critical angle: exact to rounding.
 _FINE = 100
@@ -30,27 +28,12 @@ _MOST_REFLECTED = 1.02
 Vector = Float[np.ndarray, "n"]
 
 
-class Rule(NamedTuple):
-    """Nodes, weights and effective reflectances, cosines descending."""
-
-    cosines: Vector
-    weights: Vector
-    reflectance: Vector
-
-
-@functools.cache
-def _fine_gauss() -> tuple[np.ndarray, np.ndarray]:
-    """Gauss-Legendre nodes and weights on [0, 1]."""
-    y, w = np.polynomial.legendre.leggauss(_FINE)
-    return 0.5 * (1.0 + y), 0.5 * w
-
-
-def fine_half_range(refractive_index: float, crowding: float) -> Rule:
+def fine_half_range(refractive_index: float, crowding: float) -> Directions:
     """Rule with far more nodes, split at the critical angle, exact to rounding for smooth functions of y."""
     n, c = refractive_index, crowding
     excess = (n - 1.0) * (n + 1.0)
     critical = np.sqrt(excess) / n
-    u, weights = _fine_gauss()
+    u, weights = (column[::-1] for column in gauss(_FINE))
     # Below the critical angle Gauss in y; above it in the cosine outside, crowded as R rises steeply for n near one.
     edge = np.log1p(critical * np.expm1(c)) / c
     y = edge * u
@@ -61,15 +44,15 @@ def fine_half_range(refractive_index: float, crowding: float) -> Rule:
     by_outside = 3.0 * u**2 * weights * outside / (n * n * inside)
     reflected = np.asarray(dielectric_reflectance(outside, n))
     if excess == 0:
-        return Rule(inside, by_outside, reflected)
-    return Rule(
+        return Directions(inside, by_outside, reflected)
+    return Directions(
         np.concatenate([inside, below]),
         np.concatenate([by_outside, by_y]),
         np.concatenate([reflected, np.ones(_FINE)]),
     )
 
 
-def simultaneous_rule(refractive_index: float, whole: int, cone: int, crowding: float) -> Rule | None:
+def simultaneous_rule(refractive_index: float, whole: int, cone: int, crowding: float) -> Directions | None:
     """Directions for all light and for what is let out.
 
     Args:
@@ -79,7 +62,7 @@ def simultaneous_rule(refractive_index: float, whole: int, cone: int, crowding: 
         crowding: c > 0.
 
     Returns:
-        `Rule`, or None where there is none with positive weights, cosines in (0, 1) and sound reflectances.
+        `Directions`, or None where there is none with positive weights, cosines in (0, 1) and sound reflectances.
     """
     count, c = whole + cone, crowding
     half = fine_half_range(refractive_index, c)
@@ -113,7 +96,7 @@ def simultaneous_rule(refractive_index: float, whole: int, cone: int, crowding: 
     if np.any(reflectance > _MOST_REFLECTED) or np.any(reflectance < -0.5):
         return None
     scale = np.expm1(c)
-    return Rule(np.expm1(c * nodes) / scale, weights * c * np.exp(c * nodes) / scale, reflectance)
+    return Directions(np.expm1(c * nodes) / scale, weights * c * np.exp(c * nodes) / scale, reflectance)
 
 
 def _orthonormal(y: Vector, measure: Vector, count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

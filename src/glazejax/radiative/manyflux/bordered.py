@@ -21,7 +21,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..common.inverse import inverse, inverse_symmetric
+from ..common.linalg import inverse, inverse_symmetric, matmul, transposed
 
 
 class Bordered(NamedTuple):
@@ -69,7 +69,7 @@ class Bordered(NamedTuple):
     def __matmul__(self, other: "Bordered") -> "Bordered":
         """Product: through the nodes, or past them on a direction's own diagonal."""
         n = self.nodes
-        body = jnp.matmul(self.body[..., :n], other.body[..., :n, :], precision="highest")
+        body = matmul(self.body[..., :n], other.body[..., :n, :])
         body += self.body * _after_nodes(n, other.incidence)[..., None, :]
         body += _after_nodes(n, self.viewing)[..., :, None] * other.body
         return Bordered(body, self.viewing * other.viewing, self.incidence * other.incidence)
@@ -89,7 +89,7 @@ class Bordered(NamedTuple):
 
     def symmetric(self) -> "Bordered":
         """With the core's two halves averaged: rounding leaves them different."""
-        change = 0.5 * (jnp.swapaxes(self.core, -1, -2) - self.core)
+        change = 0.5 * (transposed(self.core) - self.core)
         edges = [(0, 0)] * (change.ndim - 2) + [(0, self.viewing.shape[-1]), (0, self.incidence.shape[-1])]
         return self._replace(body=self.body + jnp.pad(change, edges))
 
@@ -103,9 +103,9 @@ class Bordered(NamedTuple):
             often: take the faster form that is slower to compile; the core must be symmetric positive definite.
         """
         core = inverse_symmetric(self.core) if often else inverse(self.core)
-        rows = jnp.matmul(self.rows, core, precision="highest")
-        columns = jnp.matmul(core, self.columns, precision="highest")
-        corner = jnp.matmul(rows, self.columns, precision="highest") - self.corner
+        rows = matmul(self.rows, core)
+        columns = matmul(core, self.columns)
+        corner = matmul(rows, self.columns) - self.corner
         viewing, incidence = 1.0 / self.viewing, 1.0 / self.incidence
         upper = jnp.concatenate([core, -columns * incidence[..., None, :]], axis=-1)
         lower = jnp.concatenate([-rows, corner * incidence[..., None, :]], axis=-1) * viewing[..., :, None]

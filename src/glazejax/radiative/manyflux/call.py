@@ -9,14 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ..common.inputs import (
-    Numbers,
-    at_least_one_layer,
-    batch_shape,
-    check_tolerance,
-    check_values,
-    concrete,
-)
+from ..common.chunks import in_chunks
+from ..common.inputs import Numbers, batch_of_stacks, check_tolerance, check_values, concrete, flat_batch, plain_number
 from ..common.phase import check_moments, isotropic
 from . import joined as manyflux_joined
 from . import solve as manyflux_solve
@@ -31,28 +25,23 @@ _CHUNK_BYTES = 2**22
 Indices = float | Sequence[float]
 
 
-class Stack(NamedTuple):
-    """Layers and what lies below them, as given."""
+class GivenStack(NamedTuple):
+    """Layers, what lies below them, how well and how to solve them; see `manyflux.manyflux_reflectance_factor`."""
 
     albedo: Numbers
     optical_thickness: Numbers
     substrate_reflectance: Numbers
     phase: Numbers | None
     refractive_index: Indices
+    tolerance: float
+    streams: int | None
+    solution: Solution
     ground: GroundTable | None = None
     index_below: float | None = None
     """Of a medium below, in place of a ground."""
 
 
-class Wish(NamedTuple):
-    """How well and how; see `manyflux.manyflux_reflectance_factor`."""
-
-    tolerance: float
-    streams: int | None
-    solution: Solution
-
-
-class Options(NamedTuple):
+class ProgramSettings(NamedTuple):
     """What is fixed when a program is compiled."""
 
     media: float | Media
@@ -60,93 +49,82 @@ class Options(NamedTuple):
     downward: bool
 
 
-class Call(NamedTuple):
+class CheckedBatch(NamedTuple):
     """Checked arguments as a flat batch."""
 
     layers: Layers  # leading axis: batch; the phase function's may be 1
     angles: dict[str, Array]  # (batch,)
     table: GroundTable | None
-    options: Options
+    settings: ProgramSettings
     batch: tuple[int, ...]
 
 
 def prepare(
-    stack: Stack,
-    wish: Wish,
+    stack: GivenStack,
     cosines: dict[str, Any],
     azimuth: Any = None,
     *,
     least: float | None = None,
     downward: bool = False,
-) -> Call:
+) -> CheckedBatch:
     """Checked arguments.
 
     Args:
-        stack: layers.
-        wish: accuracy.
+        stack: as given.
         cosines: by name, those that vary with the batch.
         azimuth: degrees; None if the result does not depend on it.
         least: smallest cosine of any direction where it is not among ``cosines``.
         downward: whether the light is seen from below.
     """
-    check_tolerance(wish.tolerance)
-    named = {name: getattr(stack, name) for name in ("albedo", "optical_thickness", "substrate_reflectance")}
-    check_values(named | cosines)
+    check_tolerance(stack.tolerance)
     moments = isotropic() if stack.phase is None else stack.phase
     check_moments(moments)
-    known = concrete(moments)
+    known, thickest = concrete(moments), concrete(stack.optical_thickness)
     dtype = jnp.result_type(float)
-    q, d, count = at_least_one_layer(jnp.asarray(stack.albedo, dtype), jnp.asarray(stack.optical_thickness, dtype))
-    media = _media(stack, count)
-    moments = jnp.asarray(moments, dtype)
-    if moments.ndim == 1:
-        moments = moments[None]
-    if moments.shape[-2] not in (1, count):
-        raise ValueError(f"phase has {moments.shape[-2]} layers (last but one axis) but albedo has {count}")
-    rho = jnp.asarray(stack.substrate_reflectance, dtype)
-    angles = {name: jnp.asarray(value, dtype) for name, value in cosines.items()}
-    if azimuth is not None:
-        angles["azimuth"] = jnp.deg2rad(jnp.asarray(azimuth, dtype))
-    shapes = {"albedo": q.shape[:-1], "optical_thickness": d.shape[:-1], "substrate_reflectance": rho.shape}
-    shapes |= {"phase": moments.shape[:-2]} | {name: a.shape for name, a in angles.items()}
-    batch = batch_shape(shapes)
-    size = int(np.prod(batch))
+    moments = jnp.atleast_2d(jnp.asarray(moments, dtype))
+    of_phase = moments.shape[:-2]
+    named = {name: getattr(stack, name) for name in ("albedo", "optical_thickness", "substrate_reflectance")}
+    turned = {} if azimuth is None else {"azimuth": jnp.deg2rad(jnp.asarray(azimuth, dtype))}
+    shapes = {"phase": of_phase} | {name: array.shape for name, array in turned.items()}
+    given = batch_of_stacks(named | cosines, shapes=shapes)
+    media = _media(stack, given.layers)
+    if moments.shape[-2] not in (1, given.layers):
+        raise ValueError(f"phase has {moments.shape[-2]} layers (last but one axis) but albedo has {given.layers}")
     terms = moments.shape[-1]
-    shared = int(np.prod(moments.shape[:-2])) == 1
+    shared = int(np.prod(of_phase)) == 1
+    flat = given.flat()
     layers = Layers(
-        jnp.broadcast_to(q, (*batch, count)).reshape(size, count),
-        jnp.broadcast_to(d, (*batch, count)).reshape(size, count),
-        jnp.broadcast_to(moments, (*((1,) * len(batch) if shared else batch), count, terms)).reshape(-1, count, terms),
-        jnp.broadcast_to(rho, batch).reshape(size),
+        flat["albedo"],
+        flat["optical_thickness"],
+        flat_batch(moments, (1,) * len(of_phase) if shared else given.batch, given.layers, terms),
+        flat["substrate_reflectance"],
     )
-    flat = {name: jnp.broadcast_to(a, batch).reshape(size) for name, a in angles.items()}
-    thickest = concrete(stack.optical_thickness)
+    angles = {name: flat[name] for name in cosines} | {n: flat_batch(a, given.batch) for n, a in turned.items()}
     effort = choose_effort(
-        wish.tolerance if dtype == jnp.float64 else max(wish.tolerance, 1e-5),
+        stack.tolerance if dtype == jnp.float64 else max(stack.tolerance, 1e-5),
         media,
         known,
         terms,
         None if thickest is None else float(thickest.max(initial=0.0)),
         smallest_cosine(*cosines.values()) if least is None else least,
-        wish.streams,
+        stack.streams,
         azimuthal=azimuth is not None,
-        solution=wish.solution,
+        solution=stack.solution,
     )
-    return Call(layers, flat, stack.ground, Options(media, effort, downward), batch)
+    return CheckedBatch(layers, angles, stack.ground, ProgramSettings(media, effort, downward), given.batch)
 
 
-def _media(stack: Stack, count: int) -> float | Media:
+def _media(stack: GivenStack, count: int) -> float | Media:
     """One index where one is enough: no interfaces inside, a Lambertian ground."""
     index = stack.refractive_index
-    single = isinstance(index, int | float | np.floating | np.integer)
-    if not single and not (
-        isinstance(index, Sequence) and all(isinstance(n, int | float | np.floating | np.integer) for n in index)
-    ):
+    single = plain_number(index)
+    several = [plain_number(n) for n in index] if isinstance(index, Sequence) else [None]
+    each = tuple(n for n in ([single] * count if single is not None else several) if n is not None)
+    if single is None and len(each) < len(several):
         raise ValueError(
             "refractive_index must be a number here, such as 1.5, or a sequence of one for each layer, "
             "such as (1.5, 1.4): the same for the whole batch"
         )
-    each = (float(index),) * count if single else tuple(float(n) for n in index)  # pyright: ignore[reportArgumentType]
     if len(each) != count:
         raise ValueError(f"refractive_index has {len(each)} values but albedo has {count} layers (last axis)")
     check_values({"refractive_index": np.array(each)})
@@ -160,30 +138,32 @@ def _media(stack: Stack, count: int) -> float | Media:
 
 
 @functools.partial(jax.jit, static_argnums=3)
-def factors(layers: Layers, angles: dict[str, Array], table: GroundTable | None, options: Options) -> Array:
+def factors(layers: Layers, angles: dict[str, Array], table: GroundTable | None, settings: ProgramSettings) -> Array:
     """Reflectance or transmittance factor of each stack in its own directions, (batch,)."""
 
     def one(layers: Layers, angles: dict[str, Array]) -> Array:
         seen, lit, turned = (angles[name][None] for name in ("cos_viewing", "cos_incidence", "azimuth"))
-        return _factor(layers, (seen, lit, turned), table, options)[0, 0, 0]
+        return _factor(layers, (seen, lit, turned), table, settings)[0, 0, 0]
 
-    return _mapped(one, layers, angles, options, 1)
+    return _mapped(one, layers, angles, settings, 1)
 
 
 @functools.partial(jax.jit, static_argnums=3)
-def tables(layers: Layers, axes: tuple[Array, Array, Array], table: GroundTable | None, options: Options) -> Array:
+def tables(
+    layers: Layers, axes: tuple[Array, Array, Array], table: GroundTable | None, settings: ProgramSettings
+) -> Array:
     """The same for all pairs of directions, (batch, viewing, incidence, azimuths)."""
 
     def one(layers: Layers, _) -> Array:
-        return _factor(layers, axes, table, options)
+        return _factor(layers, axes, table, settings)
 
-    return _mapped(one, layers, {}, options, max(axes[0].size, axes[1].size))
+    return _mapped(one, layers, {}, settings, max(axes[0].size, axes[1].size))
 
 
 @functools.partial(jax.jit, static_argnums=3)
-def fluxes(layers: Layers, angles: dict[str, Array], table: GroundTable | None, options: Options) -> Array:
+def fluxes(layers: Layers, angles: dict[str, Array], table: GroundTable | None, settings: ProgramSettings) -> Array:
     """Flux that leaves over flux of a beam, (batch,)."""
-    media, effort, downward = options
+    media, effort, downward = settings
 
     def one(layers: Layers, angles: dict[str, Array]) -> Array:
         lit = angles["cos_incidence"][None]
@@ -192,13 +172,13 @@ def fluxes(layers: Layers, angles: dict[str, Array], table: GroundTable | None, 
         joined = manyflux_joined.joined_stack(layers, media, lit[:0], lit, effort, 1, table=table, downward=downward)
         return manyflux_joined.flux_of_beam(joined, downward=downward)[0]
 
-    return _mapped(one, layers, angles, options, 1)
+    return _mapped(one, layers, angles, settings, 1)
 
 
 @functools.partial(jax.jit, static_argnums=2)
-def diffuse(layers: Layers, table: GroundTable | None, options: Options) -> Array:
+def diffuse(layers: Layers, table: GroundTable | None, settings: ProgramSettings) -> Array:
     """Flux that leaves over flux of even light, (batch,)."""
-    media, effort, downward = options
+    media, effort, downward = settings
 
     def one(layers: Layers, _) -> Array:
         if not isinstance(media, Media):
@@ -209,12 +189,14 @@ def diffuse(layers: Layers, table: GroundTable | None, options: Options) -> Arra
         )
         return manyflux_joined.flux_of_even_light(joined, downward=downward)
 
-    return _mapped(one, layers, {}, options, 0)
+    return _mapped(one, layers, {}, settings, 0)
 
 
-def _factor(layers: Layers, axes: tuple[Array, Array, Array], table: GroundTable | None, options: Options) -> Array:
+def _factor(
+    layers: Layers, axes: tuple[Array, Array, Array], table: GroundTable | None, settings: ProgramSettings
+) -> Array:
     seen, lit, turned = axes
-    media, effort, downward = options
+    media, effort, downward = settings
     if not isinstance(media, Media):
         return manyflux_solve.reflectance_factor(layers, media, seen, lit, turned, effort)
     joined = manyflux_joined.joined_stack(
@@ -223,34 +205,19 @@ def _factor(layers: Layers, axes: tuple[Array, Array, Array], table: GroundTable
     return manyflux_joined.factor(joined, turned, effort.modes, downward=downward)
 
 
-def _mapped(function: Callable, layers: Layers, angles: dict[str, Array], options: Options, added: int) -> Array:
+def _mapped(
+    function: Callable, layers: Layers, angles: dict[str, Array], settings: ProgramSettings, added: int
+) -> Array:
     """Apply to every stack, some at a time, so that memory stays bounded whatever the batch."""
-    size, count = layers.albedo.shape
-    shared = layers.moments.shape[0] == 1
-    common = layers.moments[0]
-    effort = options.effort
+    count, effort = layers.albedo.shape[1], settings.effort
     width = effort.width + added
     chunk = max(1, _CHUNK_BYTES // (count * effort.modes * width**2 * layers.albedo.dtype.itemsize))
-    pieces = -(-size // min(chunk, size)) if size else 1
-    each = -(-size // pieces)
-
-    def some(batch) -> Array:
-        layers, angles = batch
-        if shared:
-            return jax.vmap(lambda q, d, g, a: function(Layers(q, d, common, g), a))(
-                layers.albedo, layers.optical_thickness, layers.ground, angles
-            )
-        return jax.vmap(function)(layers, angles)
-
     # A shared phase function's moments stay out of the batch.
-    batch = (layers._replace(moments=jnp.zeros((size, 0), common.dtype)) if shared else layers, angles)
-    if pieces == 1:
-        return some(batch)
+    shared = layers.moments[0] if layers.moments.shape[0] == 1 else None
 
-    def split(leaf: Array) -> Array:
-        spare = pieces * each - size
-        padded = jnp.concatenate([leaf, jnp.broadcast_to(leaf[:1], (spare, *leaf.shape[1:]))]) if spare else leaf
-        return padded.reshape(pieces, each, *leaf.shape[1:])
+    def some(batch: tuple[Layers, dict[str, Array]]) -> Array:
+        if shared is None:
+            return jax.vmap(function)(*batch)
+        return jax.vmap(lambda layers, angles: function(layers._replace(moments=shared), angles))(*batch)
 
-    out = jax.lax.map(some, jax.tree.map(split, batch))
-    return out.reshape(pieces * each, *out.shape[2:])[:size]
+    return in_chunks(some, (layers if shared is None else layers._replace(moments=None), angles), chunk)

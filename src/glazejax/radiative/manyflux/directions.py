@@ -11,8 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ..common.directions import Directions, conserve, gauss, graded_gauss
-from ..common.fresnel import dielectric_reflectance
+from ..common.quadrature import Directions, Nodes, conserve, gauss, graded_gauss, split_range
 
 # The largest error of the sums over directions may be this share of the tolerance.
 _SHARE = 0.2
@@ -48,15 +47,7 @@ def spread_directions(index: float, spread: Spread) -> Directions:
     if index == 1.0:
         mu, weights = _nodes(spread.cone + spread.total, spread.crowding)
         return Directions(mu, conserve(mu, weights), np.zeros_like(mu))
-    excess = (index - 1.0) * (index + 1.0)
-    outside, w_outside = gauss(spread.cone)
-    mu = np.sqrt(excess + outside**2) / index
-    y, w = _nodes(spread.total, spread.crowding)
-    critical = np.sqrt(excess) / index
-    cosines = np.concatenate([mu, critical * y])
-    weights = np.concatenate([w_outside * outside / (index**2 * mu), critical * w])
-    reflectance = np.concatenate([dielectric_reflectance(outside, index), np.ones(spread.total)])
-    return Directions(cosines, conserve(cosines, weights), reflectance)
+    return split_range(index, gauss(spread.cone), _nodes(spread.total, spread.crowding))
 
 
 @functools.lru_cache(maxsize=256)
@@ -100,7 +91,7 @@ def _less_work(index: float, found: Spread, error: float, sizes: tuple[float, ..
     return found
 
 
-def _nodes(count: int, crowding: float) -> tuple[np.ndarray, np.ndarray]:
+def _nodes(count: int, crowding: float) -> Nodes:
     return gauss(count) if crowding < 0 else graded_gauss(count, crowding)
 
 

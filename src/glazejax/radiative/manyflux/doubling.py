@@ -1,6 +1,6 @@
 r"""Reflection and transmission operators of one homogeneous layer, by doubling: no eigenvectors, any phase function.
 
-With y = sqrt(mu w) I a layer is u' = -A v, v' = -B u (see `manyflux_phase.rates`). It is symmetric about its middle,
+With y = sqrt(mu w) I a layer is u' = -A v, v' = -B u (see `scattering.rates`). It is symmetric about its middle,
 so that at the distance h from there even fields have v = -X u and odd ones u = -Y v,
 
     X = B t(A B),  Y = A t(B A),      t(z) = tanh(sqrt(z) h)/sqrt(z) = h (1 - z h^2/3 + 2 z^2 h^4/15 - ...),

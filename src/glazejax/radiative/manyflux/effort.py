@@ -1,27 +1,16 @@
 """From the accuracy asked for to directions, Legendre moments, azimuth modes and doublings of the many-flux solver."""
 
-from typing import Any, Literal, NamedTuple, get_args
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from ..common.directions import Resolution, half_range
 from ..common.fresnel import cos_refracted
-from ..common.inputs import concrete
-from .directions import (
-    Spread,
-    best_directions,
-    fewest_directions,
-    spread_directions,
-)
+from ..common.inputs import check_choice, concrete
+from .directions import Spread, best_directions, fewest_directions, spread_directions
 from .doubling import doublings
-from .media import (
-    Media,
-    Pieces,
-    common_directions,
-    fewest_pieces,
-    in_medium,
-)
+from .media import Media, SharedSpread, fewest_shared_directions, in_medium, shared_directions
 
 # Moments whose weighed square is below this share of the tolerance change nothing that is scattered twice or more.
 _MOMENT_SHARE = 0.03
@@ -33,14 +22,14 @@ THICKEST = 1e6
 _LEAST_COSINE = 1e-4
 
 Solution = Literal["doubling", "modes"]
-"""Ways to the operators of a layer: `manyflux_layer` or `manyflux_modes`."""
+"""Ways to the operators of a layer: `doubling` or `eigenmodes`."""
 
 
 class Effort(NamedTuple):
     """How finely a stack is solved; static."""
 
-    directions: Spread | Resolution | Pieces
-    """A `Resolution` serves where the refractive index is an array, `Pieces` where media of several are joined."""
+    directions: Spread | Resolution | SharedSpread
+    """A `Resolution` where the refractive index is an array, a `SharedSpread` where media of several are joined."""
     kept: int
     """Legendre moments kept; what lies beyond is the forward peak of delta-M."""
     modes: int
@@ -51,7 +40,7 @@ class Effort(NamedTuple):
     @property
     def width(self) -> int:
         """Number of directions in a hemisphere."""
-        return sum(self.directions.counts if isinstance(self.directions, Pieces) else self.directions[:2])
+        return sum(self.directions.counts if isinstance(self.directions, SharedSpread) else self.directions[:2])
 
 
 def smallest_cosine(*cosines: Any) -> float:
@@ -88,8 +77,7 @@ def choose_effort(
     Raises:
         ValueError: too few streams, no directions good enough, or an unknown solution.
     """
-    if solution not in get_args(Solution):
-        raise ValueError(f"solution {solution!r} is unknown; use one of {', '.join(map(repr, get_args(Solution)))}")
+    check_choice("solution", solution, Solution)
     sizes = np.ones(terms) if moments is None else np.max(np.abs(moments).reshape(-1, terms), axis=0)
     # What a moment does to light scattered twice or more.
     twice = (2 * np.arange(terms) + 1) * sizes**2
@@ -105,12 +93,12 @@ def choose_effort(
 
 def _directions(
     media: float | Media, sizes: tuple[float, ...], tolerance: float, streams: int | None, least_cosine: float
-) -> tuple[Spread | Pieces, float]:
+) -> tuple[Spread | SharedSpread, float]:
     """Directions and the smallest cosine that light has in any layer."""
     if isinstance(media, Media):
         below = 1.0 if media.below is None else media.below
-        pieces = fewest_pieces(media.layers, tuple(sorted({1.0, below})), sizes, tolerance, streams)
-        nodes = [in_medium(common_directions(pieces), index) for index in media.layers]
+        pieces = fewest_shared_directions(media.layers, tuple(sorted({1.0, below})), sizes, tolerance, streams)
+        nodes = [in_medium(shared_directions(pieces), index) for index in media.layers]
         least = min(float(mu[exists].min()) for mu, _, exists in nodes)
         added = [np.sqrt((n - below) * (n + below) + (below * least_cosine) ** 2) / n for n in media.layers]
         return pieces, float(min(least, *added))

@@ -1,15 +1,15 @@
 r"""Reflection and transmission operators of one homogeneous layer from its eigenvectors, in symmetric half-size form.
 
-A layer is u' = -A v, v' = -B u for the sum and difference of down- and upward light (`manyflux_phase.rates`), hence
+A layer is u' = -A v, v' = -B u for the sum and difference of down- and upward light (`scattering.rates`), hence
 u'' = A B u. With A = W W^T and W^T B W = diag(kappa^2), both from one symmetric eigenproblem over the directions of a
 hemisphere, every even function of the depth is a function of kappa^2 alone:
 
     t(A B) = W t(kappa^2) W^-1,      t(z) = tanh(sqrt(z) h)/sqrt(z),
 
-and `manyflux_layer` makes R and T of it. For a direction without weight (`manyflux_bordered`) the same function acts
+and `doubling` makes R and T of it. For a direction without weight (`bordered`) the same function acts
 through its divided differences: that is the integral of the source function along the direction, without resonances.
 
-The eigenproblem is solved by rotations (`manyflux_jacobi`), so that no LAPACK call is left that could hang in bulk.
+The eigenproblem is solved by rotations (`jacobi`), so that no LAPACK call is left that could hang in bulk.
 Derivatives are those of the function, finite at an albedo of one. They ask for eigenvalues that differ, as these do.
 
 Source: paper C (Shinya et al.), equations (18)-(20); Stamnes and Swanson, J. Atmos. Sci. 38 (1981) 387, the half size.
@@ -22,9 +22,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..common.directions import gauss
-from ..common.inverse import inverse
 from ..common.kernels import phi, tanh_sech
+from ..common.linalg import inverse, matmul, transposed
+from ..common.quadrature import gauss
 from .bordered import Bordered
 from .doubling import reflection_and_loss
 from .jacobi import symmetric_eigen
@@ -33,7 +33,7 @@ from .jacobi import symmetric_eigen
 _CLOSE = 0.1
 
 
-class Modes(NamedTuple):
+class Eigenvectors(NamedTuple):
     """Eigenvectors of a layer."""
 
     decay_squared: Float[Array, "*batch n"]
@@ -44,7 +44,7 @@ class Modes(NamedTuple):
     """W^-1."""
 
 
-def layer_modes(a: Float[Array, "*batch n n"], b: Float[Array, "*batch n n"]) -> Modes:
+def layer_modes(a: Float[Array, "*batch n n"], b: Float[Array, "*batch n n"]) -> Eigenvectors:
     """Eigenvectors of layers.
 
     Args:
@@ -52,7 +52,7 @@ def layer_modes(a: Float[Array, "*batch n n"], b: Float[Array, "*batch n n"]) ->
         b: B, symmetric, positive semidefinite.
     """
     squared, shapes = _eigen(a, b)
-    return Modes(squared, shapes, jnp.matmul(jnp.swapaxes(shapes, -1, -2), inverse(a), precision="highest"))
+    return Eigenvectors(squared, shapes, matmul(transposed(shapes), inverse(a)))
 
 
 def layer_by_modes(a: Bordered, b: Bordered, thickness: Float[Array, "*batch"]) -> tuple[Bordered, Bordered]:
@@ -65,7 +65,7 @@ def layer_by_modes(a: Bordered, b: Bordered, thickness: Float[Array, "*batch"]) 
     modes = layer_modes(a.core, b.core)
     half = 0.5 * thickness[..., None]
     even = b @ _tangent(a @ b, modes.shapes, modes.projection, modes.decay_squared, half)
-    back, into = (jnp.swapaxes(m, -1, -2) for m in (modes.projection, modes.shapes))
+    back, into = (transposed(m) for m in (modes.projection, modes.shapes))
     odd = a @ _tangent(b @ a, back, into, modes.decay_squared, half)
     return reflection_and_loss(even.symmetric(), odd.symmetric())
 
@@ -73,10 +73,7 @@ def layer_by_modes(a: Bordered, b: Bordered, thickness: Float[Array, "*batch"]) 
 def _tangent(product: Bordered, shapes: Array, projection: Array, squared: Array, depth: Array) -> Bordered:
     """t of a bordered operator whose core is shapes diag(squared) projection; depth is (..., 1)."""
 
-    def times(x: Array, y: Array) -> Array:
-        return jnp.matmul(x, y, precision="highest")
-
-    columns, rows = times(projection, product.columns), times(product.rows, shapes)
+    columns, rows = matmul(projection, product.columns), matmul(product.rows, shapes)
     own = tanh_sech(squared, depth)[0]
     seen, lit = product.viewing, product.incidence
     passed = [tanh_sech(x, depth)[0] for x in (seen, lit)]
@@ -90,9 +87,9 @@ def _tangent(product: Bordered, shapes: Array, projection: Array, squared: Array
         )
         corner += jnp.einsum("...vk,...vik,...ki->...vi", rows, by_modes, columns, precision="highest")
     upper = jnp.concatenate(
-        [times(shapes * own[..., None, :], projection), times(shapes, lit_modes * columns)], axis=-1
+        [matmul(shapes * own[..., None, :], projection), matmul(shapes, lit_modes * columns)], axis=-1
     )
-    lower = jnp.concatenate([times(seen_modes * rows, projection), corner], axis=-1)
+    lower = jnp.concatenate([matmul(seen_modes * rows, projection), corner], axis=-1)
     return Bordered(jnp.concatenate([upper, lower], axis=-2), *passed)
 
 
@@ -130,30 +127,27 @@ def second_difference(x: Array, z: Array, y: Array, depth: Array) -> Array:
 def _eigen(a: Array, b: Array) -> tuple[Array, Array]:
     """kappa^2 and W with A = W W^T, W^T B W = diag(kappa^2)."""
     factor = _cholesky(a)
-    reduced = jnp.matmul(jnp.swapaxes(factor, -1, -2), jnp.matmul(b, factor, precision="highest"), precision="highest")
-    squared, vectors = symmetric_eigen(0.5 * (reduced + jnp.swapaxes(reduced, -1, -2)))
-    return jnp.maximum(squared, 0.0), jnp.matmul(factor, vectors, precision="highest")
+    reduced = matmul(transposed(factor), matmul(b, factor))
+    squared, vectors = symmetric_eigen(0.5 * (reduced + transposed(reduced)))
+    return jnp.maximum(squared, 0.0), matmul(factor, vectors)
 
 
 @_eigen.defjvp
 def _eigen_jvp(primals, tangents):
     a, b = primals
     squared, shapes = _eigen(a, b)
-    across = jnp.swapaxes(shapes, -1, -2)
-    back = jnp.matmul(across, inverse(a), precision="highest")
+    across = transposed(shapes)
+    back = matmul(across, inverse(a))
 
-    def between(left: Array, change: Array, right: Array) -> Array:
-        return jnp.matmul(jnp.matmul(left, change, precision="highest"), right, precision="highest")
-
-    by_a = between(back, tangents[0], jnp.swapaxes(back, -1, -2))
-    by_b = between(across, tangents[1], shapes)
+    by_a = matmul(matmul(back, tangents[0]), transposed(back))
+    by_b = matmul(matmul(across, tangents[1]), shapes)
     turn = by_b + by_a * squared[..., None, :]
     on_diagonal = np.eye(squared.shape[-1], dtype=bool)
     gap = squared[..., None, :] - squared[..., :, None]
     safe = jnp.where(gap == 0, 1.0, gap)
     turn_shapes = jnp.where(on_diagonal, 0.5 * by_a, jnp.where(gap == 0, 0.0, turn / safe))
     slope = jnp.diagonal(turn, axis1=-2, axis2=-1)
-    return (squared, shapes), (slope, jnp.matmul(shapes, turn_shapes, precision="highest"))
+    return (squared, shapes), (slope, matmul(shapes, turn_shapes))
 
 
 def _cholesky(a: Array) -> Array:

@@ -17,18 +17,11 @@ from jaxtyping import Array, Float
 
 from ..common.inputs import Numbers, check_values, concrete
 from .bordered import Diagonal, diagonal
-from .call import Stack, Wish, prepare
+from .call import GivenStack, prepare
 from .effort import Effort, Solution
 from .scattering import azimuth_waves, rates
-from .solve import Layers, layer_operators, scene_of
-from .star_product import (
-    Slab,
-    join,
-    join_all,
-    lambert,
-    slab_of_layer,
-    stack_reflection,
-)
+from .solve import Layers, discrete_stack, layer_operators
+from .star_product import Slab, join, join_all, lambert, slab_of_layer, stack_reflection
 
 
 class Field(NamedTuple):
@@ -82,12 +75,13 @@ def manyflux_field(
     """
     directions = np.atleast_1d(np.asarray(cos_direction, float))
     check_values({"cos_viewing": directions})
-    stack = Stack(albedo, optical_thickness, substrate_reflectance, phase, refractive_index)
-    given = {"cos_incidence": cos_incidence}
-    call = prepare(stack, Wish(tolerance, streams, solution), given, 0.0, least=float(directions.min(initial=1.0)))
+    given = GivenStack(
+        albedo, optical_thickness, substrate_reflectance, phase, refractive_index, tolerance, streams, solution
+    )
+    call = prepare(given, {"cos_incidence": cos_incidence}, 0.0, least=float(directions.min(initial=1.0)))
     if call.batch != ():
         raise ValueError(f"the field is that of one stack; here are {call.batch} of them: use jax.vmap")
-    if not isinstance(call.options.media, float):
+    if not isinstance(call.settings.media, float):
         raise ValueError("the field inside is found for one refractive index; give a number")
     layers = jax.tree.map(lambda leaf: leaf[0], call.layers)
     dtype = layers.albedo.dtype
@@ -98,30 +92,30 @@ def manyflux_field(
         if wrong.size:
             raise ValueError(f"depth holds {wrong[0]}; it must be between 0 and the whole thickness {whole.sum():g}")
     axes = jnp.asarray(directions, dtype), jnp.deg2rad(jnp.atleast_1d(jnp.asarray(azimuth, dtype)))
-    return _field(layers, depths, axes, call.angles["cos_incidence"], call.options.media, call.options.effort)
+    return _field(layers, depths, axes, call.angles["cos_incidence"], call.settings.media, call.settings.effort)
 
 
 @functools.partial(jax.jit, static_argnums=(4, 5))
 def _field(layers: Layers, depths: Array, axes: tuple[Array, Array], lit: Array, index: float, effort: Effort) -> Field:
     seen, azimuth = axes
     modes = effort.modes
-    scene = scene_of(layers, index, seen, lit, effort, modes, inside=True)
-    a, b = rates(scene.albedo[:, None], scene.even, scene.odd, scene.cosines)
+    stack = discrete_stack(layers, index, seen, lit, effort, modes, inside=True)
+    a, b = rates(stack.albedo[:, None], stack.even, stack.odd, stack.cosines)
     top = jnp.cumsum(layers.optical_thickness) - layers.optical_thickness
-    surface = jax.tree.map(lambda x: jnp.broadcast_to(x, (modes, *x.shape)), scene.surface)
+    surface = jax.tree.map(lambda x: jnp.broadcast_to(x, (modes, *x.shape)), stack.surface)
     passing = diagonal(Diagonal(*(1.0 - r for r in surface)))
     face = Slab(diagonal(surface).scaled(0.0), diagonal(surface), passing, passing)
     waves = azimuth_waves(azimuth, modes)
-    unit = 2.0 * scene.roots.viewing[:, None] * scene.roots.incidence
+    unit = 2.0 * stack.roots.viewing[:, None] * stack.roots.incidence
 
     def at(depth: Array) -> Field:
         # How much of each layer lies above, as a share that delta-M leaves as it is.
         above = jnp.clip(depth - top, 0.0, layers.optical_thickness)
         share = above / jnp.where(layers.optical_thickness > 0, layers.optical_thickness, 1.0)
-        upper = layer_operators(a, b, (share * scene.thickness)[:, None], effort)
-        lower = layer_operators(a, b, ((1.0 - share) * scene.thickness)[:, None], effort)
+        upper = layer_operators(a, b, (share * stack.thickness)[:, None], effort)
+        lower = layer_operators(a, b, ((1.0 - share) * stack.thickness)[:, None], effort)
         slab = join(face, join_all(slab_of_layer(*upper)))
-        below = stack_reflection(*lower, lambert(layers.ground, scene.roots, modes, depth.dtype))
+        below = stack_reflection(*lower, lambert(layers.ground, stack.roots, modes, depth.dtype))
         down = (slab.below @ below).scaled(-1.0).plus_identity().inverse() @ slab.down
         up = below @ down
 
@@ -129,7 +123,7 @@ def _field(layers: Layers, depths: Array, axes: tuple[Array, Array], lit: Array,
             return jnp.einsum("mvi,mk->vik", operator.corner / unit, waves, precision="highest")[:, 0]
 
         def flux(operator) -> Array:
-            return scene.roots.nodes @ operator.columns[0, :, 0] / scene.roots.incidence[0]
+            return stack.roots.nodes @ operator.columns[0, :, 0] / stack.roots.incidence[0]
 
         beam = down.incidence[0, 0]
         return Field(radiance(down), radiance(up), beam, flux(down) + beam, flux(up) + up.incidence[0, 0])

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..common.inputs import Numbers
-from .call import Indices, Stack, Wish, diffuse, factors, fluxes, prepare
+from .call import GivenStack, Indices, diffuse, factors, fluxes, prepare
 from .effort import Solution
 
 
@@ -46,9 +46,10 @@ def free_factor(
     Raises:
         ValueError: as there, or an ``index_below`` out of range.
     """
-    stack = Stack(albedo, optical_thickness, 0.0, phase, refractive_index, None, index_below)
-    given = {"cos_incidence": cos_incidence, "cos_viewing": cos_viewing}
-    call = prepare(stack, Wish(tolerance, streams, solution), given, azimuth, downward=transmitted)
+    given = GivenStack(
+        albedo, optical_thickness, 0.0, phase, refractive_index, tolerance, streams, solution, index_below=index_below
+    )
+    call = prepare(given, {"cos_incidence": cos_incidence, "cos_viewing": cos_viewing}, azimuth, downward=transmitted)
     return factors(*call[:4]).reshape(call.batch)
 
 
@@ -70,9 +71,10 @@ def free_hemispherical(
     All light is in it, straight and mirrored too, but not what the outer surface reflects at once. Arguments, result
     and errors as for `free_factor`.
     """
-    stack = Stack(albedo, optical_thickness, 0.0, phase, refractive_index, None, index_below)
-    wish = Wish(tolerance, streams, solution)
-    call = prepare(stack, wish, {"cos_incidence": cos_incidence}, downward=transmitted)
+    given = GivenStack(
+        albedo, optical_thickness, 0.0, phase, refractive_index, tolerance, streams, solution, index_below=index_below
+    )
+    call = prepare(given, {"cos_incidence": cos_incidence}, downward=transmitted)
     return fluxes(*call[:4]).reshape(call.batch)
 
 
@@ -92,9 +94,11 @@ def free_diffuse(
 
     As `free_hemispherical` otherwise.
     """
-    stack = Stack(albedo, optical_thickness, 0.0, phase, refractive_index, None, index_below)
-    call = prepare(stack, Wish(tolerance, streams, solution), {}, downward=transmitted)
-    return diffuse(call.layers, call.table, call.options).reshape(call.batch)
+    given = GivenStack(
+        albedo, optical_thickness, 0.0, phase, refractive_index, tolerance, streams, solution, index_below=index_below
+    )
+    call = prepare(given, {}, downward=transmitted)
+    return diffuse(call.layers, call.table, call.settings).reshape(call.batch)
 
 
 def free_regular(

@@ -6,7 +6,7 @@
     layer 2, n_2     R, T
                      ground, or the surface to what lies below
 
-All operators act on sqrt(mu w) I/n, in directions that all media share (`manyflux_media`): then a surface is
+All operators act on sqrt(mu w) I/n, in directions that all media share (`media`): then a surface is
 diagonal, the n^2 by which radiance changes is in the weights, and everything is joined by the star product. Added
 directions count as of flux n^2 mu w = 1. The outer surface's own reflection is left out.
 """
@@ -22,20 +22,9 @@ from ..common.phase import delta_m
 from .bordered import Bordered, Diagonal, diagonal
 from .effort import Effort
 from .ground import GroundTable, ground_operator
-from .media import (
-    Media,
-    Pieces,
-    common_directions,
-    in_medium,
-    interface_reflectance,
-)
-from .scattering import (
-    associated_legendre,
-    azimuth_waves,
-    rates,
-    scattering,
-)
-from .single import Once, missing_once
+from .media import Media, SharedSpread, in_medium, interface_reflectance, shared_directions
+from .scattering import associated_legendre, azimuth_waves, rates, scattering
+from .single import ScatteredOnce, missing_once
 from .solve import Layers, layer_operators
 from .star_product import Slab, join, join_all, slab_of_layer
 
@@ -43,14 +32,14 @@ from .star_product import Slab, join, join_all, slab_of_layer
 _THINNEST = 1e-12
 
 
-class Ways(NamedTuple):
+class FollowedDirections(NamedTuple):
     """One set of directions followed through all media."""
 
     cosines: Float[Array, "media d"]
     exists: Array | np.ndarray  # (media, d), boolean
 
 
-class Joined(NamedTuple):
+class JoinedStack(NamedTuple):
     """A stack as operators on all modes, and what is needed to read them."""
 
     slab: Slab
@@ -66,7 +55,7 @@ class Joined(NamedTuple):
     """(n,), nodes that exist in the air."""
     beneath: np.ndarray
     """(n,), nodes that exist below."""
-    once: Once
+    once: ScatteredOnce
     even: Array
     odd: Array
 
@@ -89,7 +78,7 @@ def joined_stack(
     *,
     table: GroundTable | None = None,
     downward: bool = False,
-) -> Joined:
+) -> JoinedStack:
     """Stack as operators.
 
     Args:
@@ -97,13 +86,13 @@ def joined_stack(
         media: static.
         cos_viewing: in air, or, if ``downward``, in the medium below.
         cos_incidence: in air.
-        effort: its directions are `Pieces`.
+        effort: its directions are `SharedSpread`.
         modes: number of azimuth modes.
         table: what the ground reflects in which direction; times the ground's reflectance. Lambertian without.
         downward: whether light is seen from below.
     """
-    assert isinstance(effort.directions, Pieces)
-    common = common_directions(effort.directions)
+    assert isinstance(effort.directions, SharedSpread)
+    common = shared_directions(effort.directions)
     dtype = layers.albedo.dtype
     below = () if media.below is None else (media.below,)
     indices = np.array((1.0, *media.layers, *below))
@@ -111,7 +100,7 @@ def joined_stack(
     mu, weights, exists = (np.stack(x) for x in zip(*parts, strict=True))
     seen = _ways(cos_viewing, indices, indices[-1] if downward else 1.0)
     lit = _ways(cos_incidence, indices, 1.0)
-    nodes = Ways(jnp.asarray(mu, dtype), exists)
+    nodes = FollowedDirections(jnp.asarray(mu, dtype), exists)
     inner = slice(1, 1 + len(media.layers))
     in_layers = Diagonal(*(way.cosines[inner] for way in (nodes, seen, lit)))
 
@@ -141,7 +130,7 @@ def joined_stack(
         slab = join(slab, jax.tree.map(lambda leaf: leaf[-1], surfaces))
 
     size = len(common.flux)
-    once = Once(
+    once = ScatteredOnce(
         layers.albedo,
         layers.optical_thickness,
         layers.moments,
@@ -153,10 +142,10 @@ def joined_stack(
     )
     corners = [c[..., size:, size:] for c in (even, odd)]
     flux = jnp.asarray(common.flux, dtype)
-    return Joined(slab, ground, surfaces, coats, flux, exists[0], exists[-1], once, *corners)
+    return JoinedStack(slab, ground, surfaces, coats, flux, exists[0], exists[-1], once, *corners)
 
 
-def factor(joined: Joined, azimuth: Array, modes: int, *, downward: bool = False) -> Float[Array, "v i k"]:
+def factor(joined: JoinedStack, azimuth: Array, modes: int, *, downward: bool = False) -> Float[Array, "v i k"]:
     """pi L_out/E_in for all pairs of directions and relative azimuths (radians), radiance in the medium of the eye.
 
     What goes straight through, or is mirrored by a surface inside, is not in it.
@@ -167,34 +156,36 @@ def factor(joined: Joined, azimuth: Array, modes: int, *, downward: bool = False
     return all_light + missing_once(joined.once, joined.even, joined.odd, azimuth, waves, downward=downward)
 
 
-def flux_of_beam(joined: Joined, *, downward: bool = False) -> Float[Array, "i"]:
+def flux_of_beam(joined: JoinedStack, *, downward: bool = False) -> Float[Array, "i"]:
     """Flux that leaves over flux of each beam; straight and mirrored light is in it."""
     operator, leaving = _side(joined, downward)
     return jnp.einsum("n,ni->i", jnp.sqrt(leaving), operator.columns[0]) + operator.incidence[0]
 
 
-def flux_of_even_light(joined: Joined, *, downward: bool = False) -> Float[Array, ""]:
+def flux_of_even_light(joined: JoinedStack, *, downward: bool = False) -> Float[Array, ""]:
     """Flux that leaves over flux of equal radiance from all directions of the air."""
     operator, leaving = _side(joined, downward)
     entering = jnp.sqrt(joined.flux * joined.outside)
     return 2.0 * jnp.einsum("i,ij,j->", jnp.sqrt(leaving), operator.core[0], entering, precision="highest")
 
 
-def _side(joined: Joined, downward: bool) -> tuple[Bordered, Array]:
+def _side(joined: JoinedStack, downward: bool) -> tuple[Bordered, Array]:
     if downward:
         return joined.slab.down, joined.flux * joined.beneath
     return joined.reflection, joined.flux * joined.outside
 
 
-def _ways(cosines: Array, indices: np.ndarray, known_in: float) -> Ways:
+def _ways(cosines: Array, indices: np.ndarray, known_in: float) -> FollowedDirections:
     """Cosines in every medium of directions known in one."""
     n = indices[:, None]
     squared = (n - known_in) * (n + known_in) + (known_in * cosines) ** 2
     exists = squared > 0
-    return Ways(jnp.sqrt(jnp.where(exists, squared, n**2)) / n, exists)
+    return FollowedDirections(jnp.sqrt(jnp.where(exists, squared, n**2)) / n, exists)
 
 
-def _surfaces(indices: np.ndarray, nodes: Ways, seen: Ways, lit: Ways, modes: int) -> tuple[Slab, list[Array]]:
+def _surfaces(
+    indices: np.ndarray, nodes: FollowedDirections, seen: FollowedDirections, lit: FollowedDirections, modes: int
+) -> tuple[Slab, list[Array]]:
     """Surfaces between neighbouring media, (surfaces, modes, ...), and what they let through of seen and lit light."""
     above, below, through = [], [], []
     upper, lower = indices[:-1, None], indices[1:, None]

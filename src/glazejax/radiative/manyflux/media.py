@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Bool, Float
 
-from ..common.directions import Directions, gauss, graded_gauss
+from ..common.quadrature import Directions, gauss, graded_gauss
 from .directions import scattered_sums
 
 _SHARE = 0.2
@@ -31,7 +31,7 @@ class Media(NamedTuple):
     """Of the medium below the layers, or None for a ground."""
 
 
-class Pieces(NamedTuple):
+class SharedSpread(NamedTuple):
     """How many nodes lie between one index and the next, from zero up, and how they crowd at its end; static."""
 
     ends: tuple[float, ...]
@@ -42,7 +42,7 @@ class Pieces(NamedTuple):
     """Indices of media that scatter: nodes crowd at these."""
 
 
-class Common(NamedTuple):
+class SharedDirections(NamedTuple):
     """Directions by what they keep; see `in_medium`."""
 
     flux: Float[np.ndarray, "n"]
@@ -54,7 +54,7 @@ class Common(NamedTuple):
 
 
 @functools.lru_cache(maxsize=128)
-def common_directions(pieces: Pieces) -> Common:
+def shared_directions(pieces: SharedSpread) -> SharedDirections:
     """Nodes over all pieces, n sin(theta) ascending."""
     flux, end, beyond = [], [], []
     below = 0.0
@@ -71,11 +71,11 @@ def common_directions(pieces: Pieces) -> Common:
         end.append(np.full(count, upper))
         beyond.append((upper * mu) ** 2)
         below = upper
-    return Common(*(np.concatenate(parts) for parts in (flux, end, beyond)))
+    return SharedDirections(*(np.concatenate(parts) for parts in (flux, end, beyond)))
 
 
 def in_medium(
-    common: Common, index: float
+    common: SharedDirections, index: float
 ) -> tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"], Bool[np.ndarray, "n"]]:
     """Cosines, weights and whether each direction exists in a medium; where not, the cosine is one, the weight zero."""
     exists = common.end <= index
@@ -98,13 +98,13 @@ def interface_reflectance(upper, lower, cos_upper, cos_lower):
 
 
 @functools.lru_cache(maxsize=128)
-def fewest_pieces(
+def fewest_shared_directions(
     media: tuple[float, ...],
     outside: tuple[float, ...],
     sizes: tuple[float, ...],
     tolerance: float,
     streams: int | None,
-) -> Pieces:
+) -> SharedSpread:
     """Fewest directions for an accuracy, or the best way to spread a number of them.
 
     Args:
@@ -119,7 +119,7 @@ def fewest_pieces(
     """
     ends = tuple(sorted({*media, *outside}))
     moments = np.array(sizes)
-    fine = Pieces(ends, (_FINE,) * len(ends), _FINE_CROWDING, media)
+    fine = SharedSpread(ends, (_FINE,) * len(ends), _FINE_CROWDING, media)
     exact = [scattered_sums(_as_directions(fine, index), moments) for index in sorted(set(media))]
     if streams is not None and streams < 2 * len(ends):
         raise ValueError(f"streams is {streams}; media of {len(ends)} indices need at least {2 * len(ends)}")
@@ -127,7 +127,7 @@ def fewest_pieces(
         tried = []
         for counts in {_shared_out(ends, media, count, share) for share in _AIR_SHARES}:
             for crowding in _CROWDING:
-                pieces = Pieces(ends, counts, crowding, media)
+                pieces = SharedSpread(ends, counts, crowding, media)
                 found = [scattered_sums(_as_directions(pieces, index), moments) for index in sorted(set(media))]
                 tried.append((max(float(np.max(np.abs(a - b))) for a, b in zip(found, exact, strict=True)), pieces))
         error, pieces = min(tried)
@@ -151,9 +151,9 @@ def _shared_out(ends: tuple[float, ...], media: tuple[float, ...], count: int, s
     return (first, *parts)
 
 
-def _as_directions(pieces: Pieces, index: float) -> Directions:
+def _as_directions(pieces: SharedSpread, index: float) -> Directions:
     """What one medium sees, with the reflectance of a face to air."""
-    common = common_directions(pieces)
+    common = shared_directions(pieces)
     mu, weights, exists = in_medium(common, index)
     air, _, outside = in_medium(common, 1.0)
     reflectance = np.where(outside, interface_reflectance(1.0, index, air, mu), 1.0)

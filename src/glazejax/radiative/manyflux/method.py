@@ -10,16 +10,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
+from ..common.directions import resolve
 from ..common.inputs import Numbers, concrete
 from ..common.stack_arrays import Stack
-from ..ordinates.resolution import resolve
-from .effort import (
-    THICKEST,
-    Effort,
-    choose_effort,
-    effort_for_indices,
-    smallest_cosine,
-)
+from .effort import THICKEST, Effort, choose_effort, effort_for_indices, smallest_cosine
 from .solve import Layers, hemispherical_reflectance, reflectance_factor
 
 

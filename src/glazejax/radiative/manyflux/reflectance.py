@@ -1,11 +1,11 @@
 """Many-flux Kubelka-Munk: layers with any phase function, all angles and azimuths, under a refracting surface.
 
 The light is followed in discrete directions inside the medium, one set for each Fourier mode of the azimuth. Layers
-are operators made by doubling (`manyflux_layer`) or from eigenvectors (`manyflux_modes`), joined on a ground and under
-a surface (`manyflux_stack`), or with surfaces between layers of different index too (`manyflux_joined`); the directions
-of incidence and viewing are exact, not interpolated (`manyflux_bordered`). What the kept Legendre moments cannot follow
-is treated by delta-M, and light scattered once by the whole phase function (`manyflux_single`). Free-standing layers
-are in `manyflux_free`, the light inside in `manyflux_field`.
+are operators made by doubling (`doubling`) or from eigenvectors (`eigenmodes`), joined on a ground and under
+a surface (`star_product`), or with surfaces between layers of different index too (`joined`); the directions
+of incidence and viewing are exact, not interpolated (`bordered`). What the kept Legendre moments cannot follow
+is treated by delta-M, and light scattered once by the whole phase function (`single`). Free-standing layers
+are in `free`, the light inside in `manyflux_field`.
 
 This is paper C (Shinya et al.) with its directions chosen for the surface. For isotropic scattering it is the
 same quantity as `glazejax.stack_reflectance_factor`, found another way.
@@ -16,16 +16,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..common.inputs import Numbers, check_values
-from .call import (
-    Indices,
-    Stack,
-    Wish,
-    diffuse,
-    factors,
-    fluxes,
-    prepare,
-    tables,
-)
+from .call import GivenStack, Indices, diffuse, factors, fluxes, prepare, tables
 from .effort import Solution, smallest_cosine
 from .ground import GroundTable
 
@@ -73,9 +64,10 @@ def manyflux_reflectance_factor(
 
     Source: paper C (Shinya et al.), equations (11)-(20), solved as described in the module.
     """
-    stack = Stack(albedo, optical_thickness, substrate_reflectance, phase, refractive_index, ground)
-    given = {"cos_incidence": cos_incidence, "cos_viewing": cos_viewing}
-    call = prepare(stack, Wish(tolerance, streams, solution), given, azimuth)
+    given = GivenStack(
+        albedo, optical_thickness, substrate_reflectance, phase, refractive_index, tolerance, streams, solution, ground
+    )
+    call = prepare(given, {"cos_incidence": cos_incidence, "cos_viewing": cos_viewing}, azimuth)
     return factors(*call[:4]).reshape(call.batch)
 
 
@@ -98,8 +90,10 @@ def manyflux_hemispherical_reflectance(
 
     Args, returns and raises as for `manyflux_reflectance_factor`.
     """
-    stack = Stack(albedo, optical_thickness, substrate_reflectance, phase, refractive_index, ground)
-    call = prepare(stack, Wish(tolerance, streams, solution), {"cos_incidence": cos_incidence})
+    given = GivenStack(
+        albedo, optical_thickness, substrate_reflectance, phase, refractive_index, tolerance, streams, solution, ground
+    )
+    call = prepare(given, {"cos_incidence": cos_incidence})
     return fluxes(*call[:4]).reshape(call.batch)
 
 
@@ -119,9 +113,11 @@ def manyflux_diffuse_reflectance(
 
     Args, returns and raises as for `manyflux_reflectance_factor`; the surface's own reflection is not included.
     """
-    stack = Stack(albedo, optical_thickness, substrate_reflectance, phase, refractive_index, ground)
-    call = prepare(stack, Wish(tolerance, streams, solution), {})
-    return diffuse(call.layers, call.table, call.options).reshape(call.batch)
+    given = GivenStack(
+        albedo, optical_thickness, substrate_reflectance, phase, refractive_index, tolerance, streams, solution, ground
+    )
+    call = prepare(given, {})
+    return diffuse(call.layers, call.table, call.settings).reshape(call.batch)
 
 
 def brdf_table(
@@ -158,9 +154,11 @@ def brdf_table(
             raise ValueError(f"{name} must be one axis of angles, such as [1.0, 0.5], for a table; it is {values}")
     check_values({name: axes[name] for name in ("cos_incidence", "cos_viewing")})
     least = smallest_cosine(cos_incidence, cos_viewing)
-    stack = Stack(albedo, optical_thickness, substrate_reflectance, phase, refractive_index, ground)
-    call = prepare(stack, Wish(tolerance, streams, solution), {}, 0.0, least=least)
+    given = GivenStack(
+        albedo, optical_thickness, substrate_reflectance, phase, refractive_index, tolerance, streams, solution, ground
+    )
+    call = prepare(given, {}, 0.0, least=least)
     dtype = call.layers.albedo.dtype
     seen, lit, turned = (jnp.asarray(a, dtype) for a in (cos_viewing, cos_incidence, azimuth))
-    table = tables(call.layers, (seen, lit, jnp.deg2rad(turned)), call.table, call.options)
+    table = tables(call.layers, (seen, lit, jnp.deg2rad(turned)), call.table, call.settings)
     return table.reshape(*call.batch, *table.shape[1:]) / np.pi

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..common.linalg import matmul, transposed
 from .bordered import Bordered, Diagonal
 
 
@@ -97,9 +98,7 @@ def scattering(
     factors = ((2.0 * np.arange(terms) + 1.0) * moments)[..., None, :, None]
 
     def part(wanted: np.ndarray) -> Array:
-        return jnp.matmul(
-            jnp.swapaxes(down * factors * wanted[..., None], -1, -2), across * wanted[..., None], precision="highest"
-        )
+        return matmul(transposed(down * factors * wanted[..., None]), across * wanted[..., None])
 
     c_even, c_odd = part(even), part(~even)
     zeroth = c_even[..., 0, :, :]

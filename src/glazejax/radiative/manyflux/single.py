@@ -13,7 +13,7 @@ from ..common.phase import evaluate
 from .scattering import sine
 
 
-class Once(NamedTuple):
+class ScatteredOnce(NamedTuple):
     """A stack and the ways of light in it, top layer first."""
 
     albedo: Float[Array, "layers"]
@@ -29,7 +29,7 @@ class Once(NamedTuple):
 
 
 def missing_once(
-    once: Once,
+    once: ScatteredOnce,
     even: Float[Array, "layers modes v i"],
     odd: Float[Array, "layers modes v i"],
     azimuth: Float[Array, "k"],
@@ -41,9 +41,9 @@ def missing_once(
 
     Args:
         once: stack and ways.
-        even, odd: scattering between the directions as kept, from `manyflux_phase.scattering`.
+        even, odd: scattering between the directions as kept, from `scattering.scattering`.
         azimuth: radians.
-        waves: from `manyflux_phase.azimuth_waves`.
+        waves: from `scattering.azimuth_waves`.
         downward: whether the light leaves below.
     """
     kept = (even + odd if downward else even - odd) * once.scaled_albedo[:, None, None, None]
@@ -60,7 +60,7 @@ def missing_once(
     return jnp.sum(lights[..., None] * difference, axis=0)
 
 
-def _lengths(once: Once, seen: Array, lit: Array, downward: bool) -> Array:
+def _lengths(once: ScatteredOnce, seen: Array, lit: Array, downward: bool) -> Array:
     """Integral over the depth of each layer of what reaches it and from there the outside, (layers, v, i)."""
     depth = once.scaled_thickness[:, None, None]
     into, out = depth / lit, depth / seen

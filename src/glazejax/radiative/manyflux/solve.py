@@ -16,14 +16,9 @@ from .directions import Spread, spread_directions
 from .doubling import layer_by_doubling
 from .effort import Effort
 from .eigenmodes import layer_by_modes
-from .media import Pieces
-from .scattering import (
-    associated_legendre,
-    azimuth_waves,
-    rates,
-    scattering,
-)
-from .single import Once, missing_once
+from .media import SharedSpread
+from .scattering import associated_legendre, azimuth_waves, rates, scattering
+from .single import ScatteredOnce, missing_once
 from .star_product import lambert, stack_reflection, under_surface
 
 
@@ -36,7 +31,7 @@ class Layers(NamedTuple):
     ground: Float[Array, ""]
 
 
-class Scene(NamedTuple):
+class DiscreteStack(NamedTuple):
     """Directions and scattering of a stack, delta-M scaled."""
 
     cosines: Diagonal
@@ -48,13 +43,13 @@ class Scene(NamedTuple):
     odd: Array
 
 
-def scene_of(
+def discrete_stack(
     layers: Layers, index, cos_viewing: Array, cos_incidence: Array, effort: Effort, modes: int, *, inside: bool = False
-) -> Scene:
+) -> DiscreteStack:
     """Directions and scattering; cosines are outside, those of viewing inside the paint if ``inside``."""
     dtype = layers.albedo.dtype
     rule = effort.directions
-    assert not isinstance(rule, Pieces), "media of several indices are joined elsewhere"
+    assert not isinstance(rule, SharedSpread), "media of several indices are joined elsewhere"
     found = spread_directions(index, rule) if isinstance(rule, Spread) else half_range(index, rule)
     mu, weights, reflectance = (jnp.asarray(a, dtype) for a in found)
     viewing = cos_viewing if inside else cos_refracted(cos_viewing, index)
@@ -65,7 +60,7 @@ def scene_of(
     tables = [associated_legendre(c, modes, terms) for c in (mu, viewing, incidence)]
     even, odd = scattering(moments, tables[0], tables[1], tables[2], jnp.sqrt(weights))
     entering = dielectric_reflectance(cos_incidence, index)
-    return Scene(
+    return DiscreteStack(
         Diagonal(mu, viewing, incidence),
         Diagonal(jnp.sqrt(mu * weights), jnp.sqrt(viewing), jnp.sqrt(incidence)),
         Diagonal(reflectance, back, entering),
@@ -76,12 +71,12 @@ def scene_of(
     )
 
 
-def _outside(scene: Scene, ground: Array, effort: Effort, modes: int) -> Bordered:
+def _outside(stack: DiscreteStack, ground: Array, effort: Effort, modes: int) -> Bordered:
     """Reflection as seen from outside, (modes, ...)."""
-    a, b = rates(scene.albedo[:, None], scene.even, scene.odd, scene.cosines)
-    reflection, loss = layer_operators(a, b, scene.thickness[:, None], effort)
-    below = lambert(ground, scene.roots, modes, scene.albedo.dtype)
-    return under_surface(stack_reflection(reflection, loss, below), scene.surface)
+    a, b = rates(stack.albedo[:, None], stack.even, stack.odd, stack.cosines)
+    reflection, loss = layer_operators(a, b, stack.thickness[:, None], effort)
+    below = lambert(ground, stack.roots, modes, stack.albedo.dtype)
+    return under_surface(stack_reflection(reflection, loss, below), stack.surface)
 
 
 def _reflected_back(cosines: Array, index) -> Array:
@@ -112,32 +107,32 @@ def reflectance_factor(
     often (Nakajima and Tanaka, J. Quant. Spectrosc. Radiat. Transfer 40 (1988) 51, their TMS).
     """
     modes = effort.modes
-    scene = scene_of(layers, index, cos_viewing, cos_incidence, effort, modes)
-    outside = _outside(scene, layers.ground, effort, modes)
+    stack = discrete_stack(layers, index, cos_viewing, cos_incidence, effort, modes)
+    outside = _outside(stack, layers.ground, effort, modes)
     waves = azimuth_waves(azimuth, modes)
     all_light = jnp.einsum("mvi,mk->vik", outside.corner, waves, precision="highest")
-    viewing, incidence = scene.roots.viewing[:, None], scene.roots.incidence
+    viewing, incidence = stack.roots.viewing[:, None], stack.roots.incidence
     factor = all_light / (2.0 * index**2 * viewing * incidence)[..., None]
     if modes == 1 and layers.moments.shape[-1] == 1:
         return factor
-    return factor + _missing(scene, layers, index, azimuth, waves)
+    return factor + _missing(stack, layers, index, azimuth, waves)
 
 
-def _missing(scene: Scene, layers: Layers, index, azimuth: Array, waves: Array) -> Array:
-    viewing, incidence, count = scene.cosines.viewing, scene.cosines.incidence, scene.cosines.nodes.size
+def _missing(stack: DiscreteStack, layers: Layers, index, azimuth: Array, waves: Array) -> Array:
+    viewing, incidence, count = stack.cosines.viewing, stack.cosines.incidence, stack.cosines.nodes.size
     shape = (layers.albedo.size, viewing.size, incidence.size)
-    through = (1.0 - scene.surface.viewing[:, None]) * (1.0 - scene.surface.incidence) / index**2
-    once = Once(
+    through = (1.0 - stack.surface.viewing[:, None]) * (1.0 - stack.surface.incidence) / index**2
+    once = ScatteredOnce(
         layers.albedo,
         layers.optical_thickness,
         layers.moments,
-        scene.albedo,
-        scene.thickness,
+        stack.albedo,
+        stack.thickness,
         jnp.broadcast_to(viewing, shape[:2]),
         jnp.broadcast_to(incidence, (shape[0], shape[2])),
         jnp.broadcast_to(through, shape),
     )
-    even, odd = (c[..., count:, count:] for c in (scene.even, scene.odd))
+    even, odd = (c[..., count:, count:] for c in (stack.even, stack.odd))
     return missing_once(once, even, odd, azimuth, waves)
 
 
@@ -145,15 +140,15 @@ def hemispherical_reflectance(
     layers: Layers, index: float | Float[Array, ""], cos_incidence: Float[Array, "i"], effort: Effort
 ) -> Float[Array, "i"]:
     """Flux that leaves over flux of a collimated beam, for each direction of incidence."""
-    scene = scene_of(layers, index, cos_incidence[:0], cos_incidence, effort, 1)
-    outside = _outside(scene, layers.ground, effort, 1)
-    return jnp.einsum("n,ni->i", scene.roots.nodes, outside.columns[0]) / scene.roots.incidence
+    stack = discrete_stack(layers, index, cos_incidence[:0], cos_incidence, effort, 1)
+    outside = _outside(stack, layers.ground, effort, 1)
+    return jnp.einsum("n,ni->i", stack.roots.nodes, outside.columns[0]) / stack.roots.incidence
 
 
 def diffuse_reflectance(layers: Layers, index: float | Float[Array, ""], effort: Effort) -> Float[Array, ""]:
     """Flux that leaves over flux of light of equal radiance from all directions outside."""
     nothing = layers.albedo[:0]
-    scene = scene_of(layers, index, nothing, nothing, effort, 1)
-    outside = _outside(scene, layers.ground, effort, 1)
+    stack = discrete_stack(layers, index, nothing, nothing, effort, 1)
+    outside = _outside(stack, layers.ground, effort, 1)
     # Only the cone of refraction is lit: its flux is 1/n^2 of that of all directions inside.
-    return 2.0 * index**2 * jnp.einsum("i,ij,j->", scene.roots.nodes, outside.core[0], scene.roots.nodes)
+    return 2.0 * index**2 * jnp.einsum("i,ij,j->", stack.roots.nodes, outside.core[0], stack.roots.nodes)

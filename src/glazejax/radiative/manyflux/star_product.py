@@ -1,4 +1,4 @@
-"""Joining of layers, grounds and surfaces, all of them operators on sqrt(mu w) I (see `manyflux_bordered`).
+"""Joining of layers, grounds and surfaces, all of them operators on sqrt(mu w) I (see `bordered`).
 
     surface   Fresnel reflectance, diagonal
     layer 1   R, T the same from both sides

@@ -102,7 +102,7 @@ def two_ports(
 
 
 class Fields(NamedTuple):
-    """Solution inside the layers for the light and for the view, in modes. Axes (layers, batch, 2, n)."""
+    """SolvedFields inside the layers for the light and for the view, in modes. Axes (layers, batch, 2, n)."""
 
     near: Array  # y0, sigma at the near face
     far: Array  # sigma at the far face

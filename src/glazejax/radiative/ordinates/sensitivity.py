@@ -16,7 +16,7 @@ from ..common.split import Split
 from ..common.stack_arrays import Stack
 from .layers import Fields, by_albedo, by_thickness, load_work, stored
 from .modes import turning
-from .solver import Solution, System, assemble, order, solve
+from .solver import SolvedFields, System, assemble, order, solve
 
 
 def reflectance_and_gradient(
@@ -57,12 +57,12 @@ def reflectance_and_gradient(
     return value, gradient
 
 
-def _diffuse_on_ground(system: System, solution: Solution) -> Array:
+def _diffuse_on_ground(system: System, solution: SolvedFields) -> Array:
     """sqrt(w) . sigma at the ground, to which its diffuse load is proportional, (batch, 2)."""
     return jnp.sum(system.ends.ground_vector[..., None, :] * solution.at_ground, axis=-1)
 
 
-def _by_thickness(system: System, solution: Solution) -> Array:
+def _by_thickness(system: System, solution: SolvedFields) -> Array:
     """By each layer's thickness, top layer first, (layers, batch), but for the factor C."""
     _, mirrored, back = order(system.thickness.shape[0])
     slab = by_thickness(system.albedo, system.modes, system.beams, mirrored, system.thickness, solution.fields)
@@ -81,7 +81,7 @@ def _by_thickness(system: System, solution: Solution) -> Array:
     return slab[back] - jnp.where(upside_down, from_here_down[:-1], from_here_down[1:])
 
 
-def _stationary(system: System, solution: Solution, vectors: Array) -> Array:
+def _stationary(system: System, solution: SolvedFields, vectors: Array) -> Array:
     """R of a system at the fields of another, whose modes' vectors are given, (batch,).
 
     Sigma is held in directions, delta at the layers' far faces in modes.

@@ -32,9 +32,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ..common.directions import Directions, Resolution, half_range
+from ..common.directions import Resolution, half_range
 from ..common.fresnel import cos_refracted, dielectric_reflectance
 from ..common.linalg import inverse_positive, product, transposed
+from ..common.quadrature import Directions
 from ..common.stack_arrays import Stack
 from .layers import Beams, Fields, Ports, two_ports
 from .modes import Modes, layer_modes
@@ -219,7 +220,7 @@ def _recover(sigma: Array, layer: _Layer, memory: _Memory) -> tuple[Array, Field
     return product(far, transposed(layer.vectors)), Fields(near, far, flux)
 
 
-class Solution(NamedTuple):
+class SolvedFields(NamedTuple):
     """Fields of light and view everywhere."""
 
     fields: Fields  # (layers, batch, 2, n), layers in the order of `order`
@@ -241,11 +242,11 @@ def _diagonal(values: Array) -> Array:
 
 
 @jax.named_scope("eliminate")
-def solve(system: System, *, with_fields: bool) -> tuple[Array, Solution | None]:
+def solve(system: System, *, with_fields: bool) -> tuple[Array, SolvedFields | None]:
     """Reflectance, and on request the fields.
 
     Returns:
-        R (batch,) and `Solution` or None.
+        R (batch,) and `SolvedFields` or None.
     """
     layers = _layers(system)
     count = system.thickness.shape[0]
@@ -299,7 +300,7 @@ def solve(system: System, *, with_fields: bool) -> tuple[Array, Solution | None]
         parts.append(jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:]), fields))
     faces, fields = _recover(faces, first, first_memory)
     fields = jax.tree.map(lambda *x: jnp.concatenate(x), fields, *parts[::-1])
-    return reflectance, Solution(fields, faces[1] if pairs else sigma, faces[0])
+    return reflectance, SolvedFields(fields, faces[1] if pairs else sigma, faces[0])
 
 
 def reflectance(stack: Stack, resolution: Resolution | Directions) -> Array:

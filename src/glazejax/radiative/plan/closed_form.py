@@ -11,14 +11,9 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float
 
-from ..common.directions import (
-    Directions,
-    Resolution,
-    gauss,
-    graded_gauss,
-    half_range,
-)
+from ..common.directions import Resolution, half_range
 from ..common.fresnel import cos_refracted, dielectric_reflectance
+from ..common.quadrature import Directions, gauss, graded_gauss
 from .bounds import End
 
 # Enough for 1e-11; the index is a number here, and each node costs one exponential a stack.
@@ -28,7 +23,7 @@ _OUTSIDE = 32
 _NEAR_ONE = 1.07
 
 
-class Glimpse(NamedTuple):
+class FirstOrder(NamedTuple):
     """Reflectance without multiple scattering in the layers."""
 
     reflectance: Float[np.ndarray, "stacks"]
@@ -74,14 +69,14 @@ def internal_reflection(depth: Float[np.ndarray, "stacks"], index: float) -> Flo
     return np.exp(-2.0 * depth[:, None] / mu) @ (2.0 * reflectance * mu * weights)
 
 
-def glimpse(
+def without_multiple_scattering(
     albedo: Float[np.ndarray, "stacks layers"],
     optical_thickness: Float[np.ndarray, "stacks layers"],
     ground: Float[np.ndarray, "stacks"],
     index: float,
     cos_incidence: Float[np.ndarray, "stacks"],
     cos_viewing: Float[np.ndarray, "stacks"] | None,
-) -> Glimpse:
+) -> FirstOrder:
     """Ground seen through absorbing layers, plus light scattered once on a straight way.
 
     Args:
@@ -112,4 +107,4 @@ def glimpse(
         passed = np.exp(-decay * depth[:, layer, None]) * -np.expm1(-decay * optical_thickness[:, layer, None])
         once += albedo[:, layer, None] * passed
     once *= beam.flux[:, None] * transmittance / (4.0 * index**2 * beam.cosine[:, None] * cosine * decay)
-    return Glimpse(by_ground + once @ weights, (incoming, lit * share))
+    return FirstOrder(by_ground + once @ weights, (incoming, lit * share))

@@ -15,13 +15,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Bool, Float, Int
 
-from ..common.inputs import (
-    Numbers,
-    at_least_one_layer,
-    batch_shape,
-    check_tolerance,
-    check_values,
-)
+from ..common.inputs import BatchOfStacks, Numbers, batch_of_stacks, check_tolerance
 from ..stack import stack_hemispherical_reflectance, stack_reflectance_factor
 from . import reduction
 from .reduction import Rows
@@ -203,9 +197,10 @@ def plan_stacks(
         this geometry: of a medium that absorbs nothing on a white ground, whatever its thickness.
     """
     check_tolerance(tolerance)
-    given, shape, layers = _broadcast(
-        albedo, optical_thickness, substrate_reflectance, refractive_index, cos_incidence, cos_viewing
-    )
+    arguments = (albedo, optical_thickness, substrate_reflectance, refractive_index, cos_incidence, cos_viewing)
+    known = {n: _known(n, v) for n, v in zip(_ARGUMENTS, arguments, strict=True) if v is not None}
+    given = batch_of_stacks(known, xp=np, dtype=float)
+    shape = given.batch
     size = int(np.prod(shape))
     ask = np.ones(size, bool) if wanted is None else np.broadcast_to(_known("wanted", wanted, bool), shape).reshape(-1)
     compute = ask if savings.unwanted else np.ones(size, bool)
@@ -217,10 +212,10 @@ def plan_stacks(
         by_stack = ask.reshape(shape)
         # Where a band is wanted of one stack and not of another, its neighbours may not be there to fill it in.
         if savings.bands and size and np.array_equal(by_stack.all(axis=-1), by_stack.any(axis=-1)):
-            kept = _needed_bands(weights, tolerance * _SHARE_BANDS, given)
+            kept = _needed_bands(weights, tolerance * _SHARE_BANDS, given.arrays)
             compute = compute & np.broadcast_to(kept, shape).reshape(-1)
     computed = np.flatnonzero(compute)
-    rows = _flat(given, shape, layers, computed)
+    rows = _flat(given, computed)
     if savings.reciprocity and rows.cos_viewing is not None:
         low, high = np.minimum(rows.cos_incidence, rows.cos_viewing), np.maximum(rows.cos_incidence, rows.cos_viewing)
         rows = replace(rows, cos_incidence=low, cos_viewing=high)
@@ -275,36 +270,13 @@ def _known(name: str, value: Any, dtype: type = float) -> np.ndarray:
     return np.asarray(value, dtype)
 
 
-def _broadcast(*arguments: Any) -> tuple[Rows, tuple[int, ...], int]:
-    """Checked inputs that broadcast, the batch shape and the number of layers (at least one)."""
-    given: dict[str, Any] = {
-        n: None if n == "cos_viewing" and v is None else _known(n, v)
-        for n, v in zip(_ARGUMENTS, arguments, strict=True)
-    }
-    check_values(given)
-    albedo, thickness, *rest = given.values()
-    albedo, thickness, layers = at_least_one_layer(albedo, thickness, xp=np)
-    shapes = {"albedo": albedo.shape[:-1], "optical_thickness": thickness.shape[:-1]}
-    shape = batch_shape(shapes | {n: a.shape for n, a in given.items() if a is not None and n not in shapes})
-    return Rows(albedo, thickness, *rest), shape, layers
-
-
-def _flat(given: Rows, shape: tuple[int, ...], layers: int, computed: np.ndarray) -> Rows:
+def _flat(given: BatchOfStacks, computed: np.ndarray) -> Rows:
     """The entries to compute, one row each."""
-
-    def flat(array: np.ndarray, *extra: int) -> np.ndarray:
-        return np.broadcast_to(array, shape + extra).reshape(-1, *extra)[computed]
-
-    thickness = flat(given.optical_thickness, layers)
-    return Rows(
-        # The albedo of an absent layer says nothing; zeros make such stacks equal.
-        np.where(thickness > 0, flat(given.albedo, layers), 0.0),
-        thickness,
-        flat(given.ground),
-        flat(given.refractive_index),
-        flat(given.cos_incidence),
-        None if given.cos_viewing is None else flat(given.cos_viewing),
-    )
+    flat = {name: array[computed] for name, array in given.flat().items()}
+    # The albedo of an absent layer says nothing; zeros make such stacks equal.
+    albedo = np.where(flat["optical_thickness"] > 0, flat.pop("albedo"), 0.0)
+    thickness, ground, index, incidence, *viewing = flat.values()
+    return Rows(albedo, thickness, ground, index, incidence, viewing[0] if viewing else None)
 
 
 @functools.lru_cache(maxsize=256)
@@ -322,15 +294,15 @@ def _ceiling(index: float, cos_incidence: float, cos_viewing: float | None) -> f
     return _WHITE_MARGIN * float(np.max(values))
 
 
-def _needed_bands(weights: np.ndarray, tolerance: float, given: Rows) -> Bool[np.ndarray, "bands"]:
+def _needed_bands(weights: np.ndarray, tolerance: float, given: dict[str, np.ndarray]) -> Bool[np.ndarray, "bands"]:
     """Bands without which a channel could be off by more than the tolerance, relative to its perfect white."""
-    directions = (given.refractive_index, given.cos_incidence, 1.0 if given.cos_viewing is None else given.cos_viewing)
+    directions = (given["refractive_index"], given["cos_incidence"], given.get("cos_viewing", 1.0))
     rows = np.stack([np.ravel(a) for a in np.broadcast_arrays(*directions)], axis=1)
     geometries = np.unique(rows, axis=0)
     keep = np.ones(weights.shape[0], bool)
     if len(geometries) > _MOST_GEOMETRIES:
         return keep
-    ceiling = max(_ceiling(n, i, None if given.cos_viewing is None else v) for n, i, v in geometries.tolist())
+    ceiling = max(_ceiling(n, i, v if "cos_viewing" in given else None) for n, i, v in geometries.tolist())
     magnitude = np.abs(weights)
     total = magnitude.sum(axis=0)
     share = magnitude / np.where(total > 0, total, 1.0)

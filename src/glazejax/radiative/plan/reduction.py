@@ -109,16 +109,16 @@ def pieces(members: Int[np.ndarray, "members"]) -> list[Int[np.ndarray, "piece"]
     return [members[i : i + _PIECE] for i in range(0, members.size, _PIECE)]
 
 
-def by_closed_form(rows: Rows) -> closed_form.Glimpse:
+def by_closed_form(rows: Rows) -> closed_form.FirstOrder:
     """Closed form, index by index."""
     value, one, two = np.empty((3, rows.count))
     for index in np.unique(rows.refractive_index):
         here = np.flatnonzero(rows.refractive_index == index)
         part = rows.take(here)
         media = (part.albedo, part.optical_thickness, part.ground, float(index))
-        glimpse = closed_form.glimpse(*media, part.cos_incidence, part.cos_viewing)
-        value[here], (one[here], two[here]) = glimpse
-    return closed_form.Glimpse(value, (one, two))
+        found = closed_form.without_multiple_scattering(*media, part.cos_incidence, part.cos_viewing)
+        value[here], (one[here], two[here]) = found
+    return closed_form.FirstOrder(value, (one, two))
 
 
 def closes(rows: Rows, tolerance: float) -> Bool[np.ndarray, "stacks"]:

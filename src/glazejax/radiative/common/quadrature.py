@@ -1,0 +1,98 @@
+"""Quadrature over the half range: Gauss nodes, plain or crowded, and rules split at the critical angle."""
+
+import functools
+from typing import NamedTuple, TypeAlias
+
+import jax
+import numpy as np
+from jaxtyping import Array, Float
+
+from .fresnel import array_module, dielectric_reflectance
+
+Nodes: TypeAlias = tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]]
+"""Nodes and weights on [0, 1]."""
+
+
+class Directions(NamedTuple):
+    """Nodes inside the medium, cosines descending. A leading batch axis appears where n varies."""
+
+    cosines: Array | np.ndarray  # (..., n), mu in (0, 1]
+    weights: Array | np.ndarray  # (..., n), sum w = 1, sum w mu = 1/2
+    reflectance: Array | np.ndarray  # (..., n), internal Fresnel reflectance R(mu)
+
+
+# Crowding c of n = 2, 3, ... graded nodes that makes the largest error of int_0^1 x e^(-D/x) dx over all D, the
+# slowest integral of a thin layer, smallest (`python -m benchmarks.calibrate_directions` prints the search).
+# fmt: off
+_CROWDING = (
+    0.0, 0.3, 0.6, 1.1, 1.4, 1.7, 2.0, 2.2, 2.4, 2.6, 2.8, 3.0, 3.1, 3.3, 3.5, 3.6, 3.8,
+    3.9, 4.1, 4.2, 4.4, 4.5, 4.6,
+)
+# fmt: on
+
+
+@functools.lru_cache(maxsize=128)
+def gauss(count: int) -> Nodes:
+    """Gauss-Legendre nodes (descending) and weights on [0, 1]; not to be written to."""
+    y, w = np.polynomial.legendre.leggauss(count)
+    return 0.5 * (1.0 - y), 0.5 * w
+
+
+def graded_gauss(count: int, crowding: float | None = None) -> Nodes:
+    """Gauss nodes (descending) and weights on [0, 1] under x = (e^(c y^2) - 1)/(e^c - 1).
+
+    Near zero x goes as y^2, so nodes crowd at grazing directions; towards one they spread out less than under y^2.
+    ``crowding`` is c, by default the best one for the count.
+    """
+    y, w = gauss(count)
+    c = _CROWDING[min(max(count, 2) - 2, len(_CROWDING) - 1)] if crowding is None else crowding
+    if c == 0:
+        return y**2, w * 2.0 * y
+    scale = np.expm1(c)
+    return np.expm1(c * y**2) / scale, w * 2.0 * c * y * np.exp(c * y**2) / scale
+
+
+def split_range(refractive_index: float | Float[Array, "*batch"], outside: Nodes, below: Nodes | None) -> Directions:
+    """Rule for the whole half range in a medium, split at the critical angle.
+
+    Args:
+        refractive_index: n >= 1, a number (the result is then numpy) or a JAX array (...).
+        outside: nodes in the cosine outside, for the directions that can leave.
+        below: nodes in the cosine inside over that of the critical angle, for the others; None leaves these out.
+    """
+    xp = array_module(refractive_index)
+    n = refractive_index[..., None] if isinstance(refractive_index, jax.Array) else np.float64(refractive_index)
+    cos_outside, w_outside = outside
+    excess = (n - 1.0) * (n + 1.0)
+    if below is not None:
+        # At n = 1 the totally reflected part is empty; a sliver keeps 1/mu finite where n is an array.
+        excess = xp.maximum(excess, 1e-18 if excess.dtype == np.float64 else 1e-11)
+    cosines = xp.sqrt(excess + cos_outside**2) / n
+    weights = w_outside * cos_outside / (n * n * cosines)
+    reflectance = dielectric_reflectance(cos_outside, n)
+    if below is not None:
+        critical = xp.sqrt(excess) / n
+        cosines = xp.concatenate([cosines, critical * below[0]], axis=-1)
+        weights = xp.concatenate([weights, critical * below[1]], axis=-1)
+        beyond = xp.where(n > 1.0, 1.0, 0.0) * xp.ones(below[0].size)
+        reflectance = xp.concatenate([reflectance, beyond], axis=-1)
+    return Directions(cosines, conserve(cosines, weights), reflectance)
+
+
+def conserve(
+    cosines: Float[Array | np.ndarray, "*batch n"], weights: Float[Array | np.ndarray, "*batch n"]
+) -> Float[Array | np.ndarray, "*batch n"]:
+    """Weights with sum w = 1 and sum w mu = 1/2 exactly, by the smallest relative change.
+
+    Without it an albedo of one would lose energy.
+    """
+
+    def moment(power):
+        return array_module(weights).sum(weights * cosines**power, axis=-1)
+
+    m0, m1, m2 = moment(0), moment(1), moment(2)
+    miss0, miss1 = 1.0 - m0, 0.5 - m1
+    determinant = m0 * m2 - m1 * m1
+    constant = (miss0 * m2 - miss1 * m1) / determinant
+    linear = (miss1 * m0 - miss0 * m1) / determinant
+    return weights * (1.0 + constant[..., None] + linear[..., None] * cosines)
