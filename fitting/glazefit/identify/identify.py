@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import ArrayLike, Float
 from scipy.special import logsumexp
 
-from glazejax import Bidirectional, Hemispherical, Pigment
+from glazejax import Hemispherical, Pigment
 from glazejax.geometry import Geometry, resolve_instrument
 from glazejax.paint.media import MAX_THICKNESS
 
@@ -28,12 +28,12 @@ from ..film.errors import (
     relative_errors,
 )
 from ..film.films import Films, Instrument, Noise, cards
+from ..film.optics import Optics
 from ..film.response import film_response
 from .result import POOR_FIT, RARE, Identification, Pool
 from .screen import Paints
 from .search import CHUNK, Task, first_starts, search_chunk
 from .task import Measured, check_pigments, check_spectra
-from .two_coats import Optics
 
 # Scattering optical thickness of a film that hides its ground.
 _OPAQUE = 200.0
@@ -95,7 +95,7 @@ def identify_chunks(
         _paints(known, prior.thickness),
         relative_errors(known, discrepancy),
         measured.wavelengths,
-        _optics(instrument),
+        Optics.of(instrument.geometry, instrument.refractive_index),
         instrument.seen_surface,
         noise,
         discrepancy,
@@ -193,13 +193,6 @@ def _opaque(prior: Prior, pigments: Sequence[Pigment]) -> Prior:
     return replace(prior, thickness=min(_OPAQUE / max(float(typical), 1.0), MAX_THICKNESS), spread=0.05)
 
 
-def _optics(instrument: Instrument) -> Optics:
-    """Plain numbers, which compiled programs can be made for."""
-    geometry = instrument.geometry
-    viewing = float(np.asarray(geometry.cos_viewing)) if isinstance(geometry, Bidirectional) else None
-    return Optics(instrument.cos_incidence, viewing, float(instrument.refractive_index))
-
-
 def ground_from_air(
     bare: Float[np.ndarray, "*shape"], geometry: Geometry | None = None, refractive_index: float = 1.5
 ) -> Float[np.ndarray, "*shape"]:
@@ -209,10 +202,9 @@ def ground_from_air(
         ValueError: a reading below the surface's reflection or above that of a perfect diffuser, by more than .01.
     """
     instrument = resolve_instrument(None, geometry, refractive_index)
-    response = film_response(instrument.geometry, instrument.refractive_index)
-    _, gain, back = response.numbers(jnp.zeros(()), jnp.zeros(()))
     within = np.asarray(bare, dtype=np.float64) - instrument.seen_surface
-    inside = within / (float(gain) + float(back) * within)
+    response = film_response(instrument.geometry, instrument.refractive_index)
+    inside = np.asarray(response.internal(jnp.asarray(within)))
     for wrong, words in ((within < -0.01, "less than its surface alone"), (inside > 1.01, "more than white can")):
         if wrong.any():
             value = np.asarray(bare)[wrong].flat[0]

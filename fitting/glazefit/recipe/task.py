@@ -14,9 +14,10 @@ from glazejax.paint.media import MAX_THICKNESS
 from glazejax.radiative.stack import INDEX_RANGE
 from glazejax.spectra import describe_grid, resample, same_grid
 
-from .bench import Bench, Optics, make_bench
+from ..film.optics import Optics
+from .model import StackModel, make_model
 from .refine import colour_metric
-from .screen import Aims
+from .screen import TargetArrays
 from .targets import Target, lab_target
 
 DEFAULT_THICKNESS = (1e-6, 50e-6)
@@ -60,9 +61,9 @@ class Task:
         """The instrument in plain numbers."""
         return Optics.of(self.geometry, self.refractive_index)
 
-    def bench(self) -> Bench:
-        """The arrays of the search."""
-        return make_bench(
+    def model(self) -> StackModel:
+        """What stacks of these paints read, as arrays."""
+        return make_model(
             self.pigments,
             self.ground,
             self.geometry,
@@ -72,7 +73,7 @@ class Task:
             self.thickness,
         )
 
-    def aims(self) -> Aims:
+    def target_arrays(self) -> TargetArrays:
         """The targets as arrays; without a spectrum it weighs nothing."""
         grid = self.wavelengths
         labs = np.stack([[t.lab(name, self.observer) for name in self.illuminants] for t in self.targets])
@@ -83,7 +84,7 @@ class Task:
                 spectra[row] = resample(target.wavelengths, target.reflectance, grid)
                 # A root mean squared difference of 0.01 weighs as much as a Delta E of `metamerism`.
                 weights[row] = (100.0 * self.metamerism) ** 2 / grid.size
-        return Aims(jnp.asarray(labs), jnp.asarray(colour_metric(labs)), jnp.asarray(spectra), jnp.asarray(weights))
+        return TargetArrays(*(jnp.asarray(a) for a in (labs, colour_metric(labs), spectra, weights)))
 
 
 def make_task(

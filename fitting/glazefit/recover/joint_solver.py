@@ -16,7 +16,7 @@ import lineax as lx
 from jax.scipy.linalg import cho_solve, solve_triangular
 from jaxtyping import Array, Float, PyTree
 
-from .joint_problem import Residuals, Unknowns
+from .joint_problem import JointResiduals, Unknowns
 
 
 class Normal(NamedTuple):
@@ -79,17 +79,17 @@ def normal_matrix(
     curvature: Float[Array, "bands bands"],
     stiffness: Float[Array, "2*paints"],
 ) -> Normal:
-    """Normal matrix from an operator whose output is `Residuals`, or that and the damping's own part."""
+    """Normal matrix from an operator whose output is `JointResiduals`, or that and the damping's own part."""
     zero = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), operator.in_structure())
     bands, local = zero.bands.shape
     films, each = zero.films.shape
     paints = zero.paints.size
 
-    def along(step: Unknowns) -> tuple[Residuals, Unknowns]:
+    def along(step: Unknowns) -> tuple[JointResiduals, Unknowns]:
         out: Any = operator.mv(step)
-        return (out, zero) if isinstance(out, Residuals) else out
+        return (out, zero) if isinstance(out, JointResiduals) else out
 
-    def columns(name: str, steps: Float[Array, "columns ..."]) -> tuple[Residuals, Unknowns]:
+    def columns(name: str, steps: Float[Array, "columns ..."]) -> tuple[JointResiduals, Unknowns]:
         return jax.vmap(lambda step: along(zero._replace(**{name: step})))(steps)
 
     every_band = jnp.broadcast_to(jnp.eye(local)[:, None], (local, bands, local))
