@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from glazefit.recipe.model import Optics, empty_slots, fill_slots, make_model, readings
 from glazefit.recipe.choose import packed, roundings
+from glazefit.recipe.model import Optics, empty_slots, fill_slots, make_model, readings
 from glazefit.recipe.refine import colour_metric
 from glazefit.recipe.targets import colourchecker_targets, lab_target, spectral_target, srgb_target
 from glazejax import Bidirectional, colour
