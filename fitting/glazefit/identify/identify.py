@@ -8,7 +8,6 @@ keeps far more than ever come near the best.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -32,8 +31,8 @@ from ..film.optics import Optics
 from ..film.response import film_response
 from .result import POOR_FIT, RARE, Identification, Pool
 from .screen import Paints
-from .search import CHUNK, Task, first_starts, search_chunk
-from .task import Measured, check_pigments, check_spectra
+from .search import CHUNK, first_starts, search_chunk
+from .task import IdentificationTask, Measured, check_pigments, check_spectra
 
 # Scattering optical thickness of a film that hides its ground.
 _OPAQUE = 200.0
@@ -90,7 +89,7 @@ def identify_chunks(
     known = check_pigments(pigments, measured.wavelengths)
     if grounds is None:
         prior = _opaque(prior, known)
-    task = Task(
+    task = IdentificationTask(
         film_response(instrument.geometry, instrument.refractive_index),
         _paints(known, prior.thickness),
         relative_errors(known, discrepancy),
@@ -111,7 +110,7 @@ def identify_chunks(
 
 
 def _weigh(
-    task: Task, pool: Pool, measured: Measured, names: tuple[str, ...], opaque: bool, keep: int
+    task: IdentificationTask, pool: Pool, measured: Measured, names: tuple[str, ...], opaque: bool, keep: int
 ) -> Identification:
     """Probabilities of all candidates and of none, and the best candidates in full."""
     nothing = log_none(measured.readings, task.noise.sd(measured.readings), task.wavelengths)
@@ -144,7 +143,7 @@ def _weigh(
     )
 
 
-def _gloss(task: Task, measured: Measured, pool: Pool) -> Float[np.ndarray, "spectra candidates"]:
+def _gloss(task: IdentificationTask, measured: Measured, pool: Pool) -> Float[np.ndarray, "spectra candidates"]:
     """Share of the surface's reflection that each candidate's residual speaks for."""
     seen, d = task.surface, task.discrepancy
     model = model_covariance(task.wavelengths, measured.readings.shape[1], d, d.screening)
@@ -160,31 +159,53 @@ def identify(
     pigments: Sequence[Pigment],
     *,
     grounds: ArrayLike | None,
-    **options: Any,
+    instrument: Instrument | None = None,
+    geometry: Geometry | None = None,
+    noise: Noise | None = None,
+    discrepancy: Discrepancy | None = None,
+    prior: Prior | None = None,
+    max_paints: int = 3,
+    layers: int = 1,
+    names: Sequence[str] | None = None,
+    keep: int = 20,
 ) -> Identification:
     """Paints, fractions and thickness of films from their spectra, as ranked lists with probabilities.
 
     Args and errors are those of `identify_chunks`.
     """
-    return Identification.join(list(identify_chunks(spectra, wavelengths, pigments, grounds=grounds, **options)))
+    parts = identify_chunks(
+        spectra, wavelengths, pigments, grounds=grounds, instrument=instrument, geometry=geometry, noise=noise,
+        discrepancy=discrepancy, prior=prior, max_paints=max_paints, layers=layers, names=names, keep=keep,
+    )  # fmt: skip
+    return Identification.join(list(parts))
 
 
-def identify_films(films: Films, pigments: Sequence[Pigment], **options: Any) -> Identification:
+def identify_films(
+    films: Films,
+    pigments: Sequence[Pigment],
+    *,
+    instrument: Instrument | None = None,
+    geometry: Geometry | None = None,
+    noise: Noise | None = None,
+    discrepancy: Discrepancy | None = None,
+    prior: Prior | None = None,
+    max_paints: int = 3,
+    layers: int = 1,
+    keep: int = 20,
+) -> Identification:
     """As `identify`, for films over a black and a white card that were measured bare."""
-    instrument = resolve_instrument(options.get("instrument"), options.get("geometry"))
-    if isinstance(instrument.geometry, Hemispherical):
-        black, white, _, _ = cards(films, instrument, options.get("noise") or Noise())
+    seen_by = resolve_instrument(instrument, geometry)
+    if isinstance(seen_by.geometry, Hemispherical):
+        black, white, _, _ = cards(films, seen_by, noise or Noise())
     else:
         bare = np.stack([films.bare_black, films.bare_white])
-        black, white = ground_from_air(bare, instrument.geometry, instrument.refractive_index)
+        black, white = ground_from_air(bare, seen_by.geometry, seen_by.refractive_index)
+    over = np.stack([films.over_black, films.over_white], axis=1)
     return identify(
-        np.stack([films.over_black, films.over_white], axis=1),
-        films.wavelengths,
-        pigments,
-        grounds=np.stack([black, white], axis=1),
-        names=films.names,
-        **options,
-    )
+        over, films.wavelengths, pigments, grounds=np.stack([black, white], axis=1), instrument=instrument,
+        geometry=geometry, noise=noise, discrepancy=discrepancy, prior=prior, max_paints=max_paints, layers=layers,
+        names=films.names, keep=keep,
+    )  # fmt: skip
 
 
 def _opaque(prior: Prior, pigments: Sequence[Pigment]) -> Prior:

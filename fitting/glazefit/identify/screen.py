@@ -33,7 +33,7 @@ class Paints(NamedTuple):
     scattering: Float[Array, "paints bands"]
 
 
-class Search(NamedTuple):
+class WhitenedSpectra(NamedTuple):
     """Spectra in the units of their errors, where these are taken as alike: |W (y - f)|^2 is what a film costs."""
 
     target: Float[Array, "spectra readings"]  # W (y - surface)
@@ -86,7 +86,7 @@ def film_readings(
 
 @functools.partial(jax.jit, static_argnames="block")
 def screen(
-    response: FilmResponse, paints: Paints, sets: Array, grid: Array, search: Search, block: int = _BLOCK
+    response: FilmResponse, paints: Paints, sets: Array, grid: Array, search: WhitenedSpectra, block: int = _BLOCK
 ) -> tuple[Float[Array, "spectra sets"], Int[Array, "spectra sets"]]:
     """Least cost of each set over a grid of amounts, and the grid point where it is.
 

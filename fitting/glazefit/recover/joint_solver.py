@@ -16,6 +16,7 @@ import lineax as lx
 from jax.scipy.linalg import cho_solve, solve_triangular
 from jaxtyping import Array, Float, PyTree
 
+from ..film.least_squares import FullRankSolver
 from .joint_problem import JointResiduals, Unknowns
 
 
@@ -37,7 +38,7 @@ class Factors(NamedTuple):
     corner: Float[Array, "shared shared"]
 
 
-class JointSteps(lx.AbstractLinearSolver[Any]):
+class JointSteps(FullRankSolver[Any]):
     """lineax solver for the damped least-squares operator of `joint_problem.residuals`.
 
     Not for vmap: it factorises with LAPACK, one matrix at a time.
@@ -60,18 +61,6 @@ class JointSteps(lx.AbstractLinearSolver[Any]):
         factors, operator = state
         (gradient,) = jax.linear_transpose(operator.mv, operator.in_structure())(vector)
         return solve(factors, gradient), lx.RESULTS.successful, {}
-
-    def transpose(self, state: Any, options: dict[str, Any]):
-        """Not offered: the transposed problem is underdetermined."""
-        raise NotImplementedError("JointSteps solves least-squares problems; it has no transpose")
-
-    def conj(self, state: Any, options: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
-        """Factors of the conjugate operator: the same, for real ones."""
-        return state, options
-
-    def assume_full_rank(self) -> bool:
-        """Whether the solver relies on full column rank; the priors give it."""
-        return True
 
 
 def normal_matrix(
