@@ -8,12 +8,12 @@ weigh and measure, and put in order (`glazefit.recipe.choose`).
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Unpack, overload
 
 import numpy as np
 from jaxtyping import Float
 
-from glazejax import Glaze, Layer, Mixture, Pigment, colour
+from glazejax import Glaze, Layer, Mixture, colour
 from glazejax.geometry import Geometry
 from glazejax.paint.describe import Coat
 
@@ -22,7 +22,7 @@ from .model import StackModel, readings
 from .refine import grown, refine, refine_solved
 from .screen import MOST_SCREENED, Stacks, TargetArrays, screen
 from .targets import Target
-from .task import DEFAULT_THICKNESS, Task, as_targets, make_task
+from .task import DEFAULT_THICKNESS, Pigments, RecipeOptions, Task, Wanted, as_targets, make_task
 
 GROUP = 8
 """Targets that are refined at a time."""
@@ -103,9 +103,17 @@ def _typed(coat: Coat) -> str:
     return f"{mixed if len(coat.parts) > 1 else coat.name}:{coat.thickness * 1e6:.6g}um"
 
 
+@overload
 def find_recipes(
-    target: Any,
-    pigments: Mapping[str, Pigment] | Sequence[Pigment] | None = None,
+    target: Wanted, pigments: Pigments | None = None, **options: Unpack[RecipeOptions]
+) -> list[Recipe]: ...
+@overload
+def find_recipes(
+    target: Sequence[Wanted], pigments: Pigments | None = None, **options: Unpack[RecipeOptions]
+) -> list[list[Recipe]]: ...
+def find_recipes(
+    target: Wanted | Sequence[Wanted],
+    pigments: Pigments | None = None,
     *,
     ground: float | Float[np.ndarray, "bands"] = 0.9,
     geometry: Geometry | None = None,
@@ -120,7 +128,7 @@ def find_recipes(
     metamerism: float = 0.2,
     simplicity: float = 0.3,
     seed: int = 0,
-) -> Any:
+) -> list[Recipe] | list[list[Recipe]]:
     """The best few different glazes for a colour or a spectrum, or for many at once.
 
     Args:

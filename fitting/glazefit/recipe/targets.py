@@ -10,10 +10,13 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import ArrayLike, Float
 
 from glazejax import colour
 from glazejax.spectra import as_fraction, describe_grid, validate_wavelengths
+
+Colour = Sequence[float] | Float[np.ndarray, "3"]
+"""L*, a*, b*."""
 
 DEFAULT_CHART = "BabelColor Average"
 """Mean of 30 charts of 24 patches, measured at 45:0, 380-730 nm, as colour-science ships it."""
@@ -67,7 +70,7 @@ class Target:
         return f"Target({self.name!r}, Lab under {', '.join(self.labs)})"
 
 
-def lab_target(lab: Mapping[str, Sequence[float]] | Sequence[float] | Any, name: str | None = None) -> Target:
+def lab_target(lab: Mapping[str, Colour] | Colour, name: str | None = None) -> Target:
     """A colour to match.
 
     Args:
@@ -121,7 +124,7 @@ def srgb_target(code: str, name: str | None = None) -> Target:
     return Target(name or f"#{digits.lower()}", MappingProxyType({colour.find_illuminant("D65"): lab}))
 
 
-def spectral_target(name: str, wavelengths: Any, reflectance: Any) -> Target:
+def spectral_target(name: str, wavelengths: ArrayLike, reflectance: ArrayLike) -> Target:
     """A spectrum to match, (bands,), as a fraction or in percent, on any wavelengths in nm.
 
     Raises:

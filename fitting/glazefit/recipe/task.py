@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypedDict
 
 import jax.numpy as jnp
 import numpy as np
@@ -18,12 +18,36 @@ from ..film.optics import Optics
 from .model import StackModel, make_model
 from .refine import colour_metric
 from .screen import TargetArrays
-from .targets import Target, lab_target
+from .targets import Colour, Target, lab_target
 
 DEFAULT_THICKNESS = (1e-6, 50e-6)
 """Thinnest and thickest coat in m, if nothing else is said; on the catalogue's scale of thickness."""
 
 _MOST_PAINTS, _MOST_LAYERS = 6, 4
+
+
+Wanted = Target | Mapping[str, Colour] | Colour
+"""What may be asked for: a target, a colour, or colours by illuminant."""
+
+Pigments = Mapping[str, Pigment] | Sequence[Pigment]
+
+
+class RecipeOptions(TypedDict, total=False):
+    """Further arguments of `glazefit.find_recipes`, which says what each is."""
+
+    ground: float | Float[np.ndarray, "bands"]
+    geometry: Geometry | None
+    refractive_index: float
+    illuminants: Sequence[str] | None
+    test_illuminant: str
+    observer: str | int
+    max_paints: int
+    max_layers: int
+    thickness: tuple[float, float]
+    count: int
+    metamerism: float
+    simplicity: float
+    seed: int
 
 
 @dataclass(frozen=True)
@@ -89,9 +113,9 @@ class Task:
 
 def make_task(
     targets: Sequence[Target],
-    pigments: Mapping[str, Pigment] | Sequence[Pigment] | None,
+    pigments: Pigments | None,
     *,
-    ground: Any,
+    ground: float | Float[np.ndarray, "bands"],
     geometry: Geometry | None,
     refractive_index: float,
     illuminants: Sequence[str] | None,
@@ -160,7 +184,7 @@ def _first(given: Any) -> Any:
         raise ValueError(f"a target is a colour of three numbers, or made by spectral_target, not {given!r}") from None
 
 
-def _listed(pigments: Mapping[str, Pigment] | Sequence[Pigment] | None) -> list[Pigment]:
+def _listed(pigments: Pigments | None) -> list[Pigment]:
     if pigments is None:
         pigments = catalogue.load()
     paints = list(pigments.values()) if isinstance(pigments, Mapping) else list(pigments)
@@ -178,7 +202,7 @@ def _listed(pigments: Mapping[str, Pigment] | Sequence[Pigment] | None) -> list[
 
 
 def _on_one_grid(
-    paints: list[Pigment], ground: Any, targets: Sequence[Target]
+    paints: list[Pigment], ground: float | Float[np.ndarray, "bands"], targets: Sequence[Target]
 ) -> tuple[tuple[Pigment, ...], float | Float[np.ndarray, "bands"]]:
     """Pigments and ground on the bands of the first pigment that all pigments and target spectra cover."""
     grid = paints[0].wavelengths
