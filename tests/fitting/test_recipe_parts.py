@@ -1,9 +1,17 @@
+from dataclasses import replace
+
+import jax.numpy as jnp
 import numpy as np
 import pytest
+from rich.console import Console
 
+from glazefit import find_recipes
+from glazefit.recipe import refine as refine_module
 from glazefit.recipe.choose import packed, roundings
 from glazefit.recipe.model import Optics, empty_slots, fill_slots, make_model, readings
-from glazefit.recipe.refine import colour_metric
+from glazefit.recipe.refine import colour_metric, refine
+from glazefit.recipe.report import print_best, print_recipes
+from glazefit.recipe.screen import Stacks, TargetArrays
 from glazefit.recipe.targets import colourchecker_targets, lab_target, spectral_target, srgb_target
 from glazejax import Bidirectional, colour
 
@@ -57,6 +65,27 @@ def test_slots_hold_a_stack(model):
     inside = (whole == 0) | ((whole > 1.2) & (whole < 45))
     np.testing.assert_allclose(np.where(inside, back, 0), np.where(inside, sizes, 0), rtol=1e-6)
     assert inside.mean() > 0.8
+
+
+def test_least_squares_that_did_not_settle_is_said(model, monkeypatch):
+    targets = TargetArrays(jnp.full((1, 1, 3), 40.0), jnp.eye(3)[None, None], jnp.zeros((1, GRID.size)), jnp.zeros(1))
+    start = Stacks.unrefined(stacks(4, 1), np.zeros(4, int), np.zeros(4))
+    assert not start.settled.any()
+    # A number of slots of its own, so that the program with a single step is not taken for that of other tests.
+    monkeypatch.setattr(refine_module, "_STEPS", 1)
+    assert not refine(model, targets, start, 7).settled.any()
+    monkeypatch.undo()
+    assert refine(model, targets, start, 6).settled.any()
+
+
+def test_a_recipe_that_did_not_settle_is_named(capsys):
+    recipe = find_recipes((60, 10, 10), palette(), max_paints=2, max_layers=1, count=1)[0]
+    for settled in (True, False):
+        print_recipes([recipe, replace(recipe, converged=settled)], Console())
+        print_best([[replace(recipe, converged=settled)]], Console())
+        said = " ".join(capsys.readouterr().out.split())
+        assert ("stopped before it had settled for recipe 2:" in said) is not settled
+        assert (f"stopped before it had settled for the recipe of {recipe.target.name}:" in said) is not settled
 
 
 def test_the_metric_is_the_colour_difference_of_small_steps():
