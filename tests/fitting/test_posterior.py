@@ -15,12 +15,13 @@ from glazefit import (
     posterior_of_film,
     simulate_films,
 )
+from glazefit.film.least_squares import root_of_log1p
 from glazefit.film.reading import readings
 from glazefit.posterior.bands import join_bands, pose_bands, prior_covariance, prior_draws
 from glazefit.posterior.film import pose_films
 from glazefit.posterior.film_errors import pose_errors
 from glazefit.posterior.laplace import climb, find_modes, laplace
-from glazefit.posterior.problem import log_probability, root_of_log1p, uniform_residual
+from glazefit.posterior.problem import log_probability, uniform_residual
 from glazefit.posterior.report import unsettled
 from glazefit.posterior.summary import Numbers, compare
 from glazejax import Hemispherical, Pigment
@@ -184,7 +185,7 @@ def test_likelihood_is_the_gaussian_it_is_said_to_be():
     data = problem.data
     root = np.linalg.inv(np.asarray(data.whiten[0]))
     part = root * np.asarray(data.spread[0])
-    points = found[0, 0] + np.random.default_rng(1).normal(size=(5, 4)) * 0.01
+    points = found.points[0, 0] + np.random.default_rng(1).normal(size=(5, 4)) * 0.01
     expected = []
     for point in points:
         shifted = problem.data._replace(

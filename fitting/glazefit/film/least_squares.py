@@ -163,3 +163,11 @@ def damped_newton(
 
     there, seen, _ = jax.lax.fori_loop(0, steps, step, (start, look(start), jnp.asarray(0.02, start.dtype)))
     return there, seen
+
+
+def root_of_log1p(root: Float[Array, "*n"]) -> Float[Array, "*n"]:
+    """Square root of log(1 + x^2), smooth through x = 0: a log-determinant as a residual."""
+    square = root**2
+    small = square < 1e-6
+    safe = jnp.where(small, 1.0, square)
+    return root * jnp.where(small, 1.0 - square / 4.0, jnp.sqrt(jnp.log1p(safe) / safe))

@@ -109,16 +109,22 @@ def _evidence(logs: Array, present: Array, hessian: Array, readings: Array, weig
 
 def coat_model(response: FilmResponse, k: Array, s: Array, ground: Array) -> Model:
     """Model of one coat of paints of these optical thicknesses, (size, bands)."""
-    seen = functools.partial(response.body, ground=ground)
 
     def model(amounts: Array) -> tuple[Array, Array]:
-        films, unit = (amounts @ k, amounts @ s), jnp.ones_like(k[0])
-        readings, by_k = jax.jvp(seen, films, (unit, jnp.zeros_like(unit)))
-        _, by_s = jax.jvp(seen, films, (jnp.zeros_like(unit), unit))
+        readings, by_k, by_s = _readings_and_slopes(response, amounts @ k, amounts @ s, ground)
         slopes = amounts[:, None, None] * (k[:, None, :] * by_k + s[:, None, :] * by_s)
         return readings.reshape(-1), slopes.reshape(amounts.shape[0], -1)
 
     return model
+
+
+def _readings_and_slopes(
+    response: FilmResponse, kd: Float[Array, "bands"], sd: Float[Array, "bands"], ground: Float[Array, "grounds bands"]
+) -> tuple[Array, Array, Array]:
+    """Readings of one film, and their slopes by k d and by s d at the same band, (grounds, bands) each."""
+    seen, unit, none = functools.partial(response.body, ground=ground), jnp.ones_like(kd), jnp.zeros_like(kd)
+    readings, by_k = jax.jvp(seen, (kd, sd), (unit, none))
+    return readings, by_k, jax.jvp(seen, (kd, sd), (none, unit))[1]
 
 
 @functools.partial(jax.jit, static_argnames=("middle", "own"))
@@ -166,10 +172,7 @@ def coat_slopes(
     def candidate(members: Array, logs: Array, ground: Array) -> Array:
         amounts = jnp.where(members >= 0, jnp.exp(logs), 0.0)[:, None]
         parts = amounts * paints.absorption[members], amounts * paints.scattering[members]
-        films, unit = tuple(part.sum(axis=0) for part in parts), jnp.ones_like(parts[0][0])
-        seen = functools.partial(response.body, ground=ground)
-        by_k = jax.jvp(seen, films, (unit, jnp.zeros_like(unit)))[1]
-        by_s = jax.jvp(seen, films, (jnp.zeros_like(unit), unit))[1]
+        _, by_k, by_s = _readings_and_slopes(response, parts[0].sum(axis=0), parts[1].sum(axis=0), ground)
         slopes = jnp.concatenate([parts[0][:, None] * by_k, parts[1][:, None] * by_s])
         return slopes.reshape(slopes.shape[0], -1)
 

@@ -30,7 +30,7 @@ from .model import (
     quick_reading,
     readings,
 )
-from .screen import Stacks, TargetArrays, strength
+from .screen import Stacks, TargetArrays, squared_distance, strength
 
 # A weak pull to the start settles what the target leaves open.
 _PULL = 0.01
@@ -170,12 +170,8 @@ def grown(model: StackModel, aims: TargetArrays, parents: Stacks, *, max_paints:
         return parents.take(np.zeros(0, int))
     children = packed(np.stack(sizes))
     target = np.array(owners)
-    reading = readings(model, children, None)
-    miss = np.asarray(lab_of(model, jnp.asarray(reading))) - np.asarray(aims.lab)[target]
-    moved = np.einsum("nlij,nlj->nli", np.asarray(aims.metric)[target], miss)
-    apart = np.sum((reading - np.asarray(aims.spectrum)[target]) ** 2, axis=1)
-    cost = np.sum(moved**2, axis=(1, 2)) / miss.shape[1] + np.asarray(aims.spectral)[target] * apart
-    return Stacks.unrefined(children, target, cost)
+    to_all = squared_distance(model, aims, jnp.asarray(readings(model, children, None)))
+    return Stacks.unrefined(children, target, np.asarray(to_all)[np.arange(len(target)), target])
 
 
 def _children(model: StackModel, stack: Float[np.ndarray, "coats paints"], max_paints: int, max_layers: int) -> list:

@@ -10,7 +10,8 @@ from types import MappingProxyType
 from typing import Any
 
 import numpy as np
-from jaxtyping import ArrayLike, Float
+from jaxtyping import Float
+from numpy.typing import ArrayLike
 
 from glazejax import colour
 from glazejax.spectra import as_fraction, describe_grid, validate_wavelengths
@@ -130,8 +131,8 @@ def spectral_target(name: str, wavelengths: ArrayLike, reflectance: ArrayLike) -
     Raises:
         ValueError: an illegal grid, or values that are no reflectance.
     """
-    grid = validate_wavelengths(wavelengths)
-    values, _ = as_fraction(reflectance, [name] if np.ndim(reflectance) == 2 else None)
+    grid = validate_wavelengths(np.asarray(wavelengths))
+    values, _ = as_fraction(np.asarray(reflectance), [name] if np.ndim(reflectance) == 2 else None)
     if values.shape != grid.shape:
         raise ValueError(f"{name!r} has {values.size} values for {grid.size} wavelengths; give one a wavelength")
     return Target(name, MappingProxyType({}), grid, values)

@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..film.films import Noise
+from ..film.least_squares import root_of_log1p
 from ..film.mixing import strengthen
 from ..film.response import Response
 
@@ -129,10 +130,7 @@ def residuals(unknowns: Unknowns, args: tuple[JointProblem, Response]) -> JointR
 
 def heavy_tail(x: Float[Array, "*shape"], freedom: Float[Array, ""]) -> Float[Array, "*shape"]:
     """Residual whose square is minus twice the log density of Student's t, up to a constant."""
-    square = x**2 / freedom
-    near = square < 1e-6
-    safe = jnp.where(near, 1.0, square)
-    return x * jnp.sqrt((freedom + 1.0) / freedom) * jnp.where(near, 1.0 - square / 4, jnp.sqrt(jnp.log1p(safe) / safe))
+    return jnp.sqrt(freedom + 1.0) * root_of_log1p(x / jnp.sqrt(freedom))
 
 
 def model_deviation(
