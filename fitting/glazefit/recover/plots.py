@@ -1,5 +1,6 @@
 """Pictures of a recovery: one a paint, with its spectra and its k and s; and the films that were left out."""
 
+import textwrap
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -132,10 +133,8 @@ def plot_left_out(recovery: JointRecovery, out: LeftOut, path: Path) -> None:
             axis.tick_params(labelsize=7)
         figure.supxlabel("wavelength (nm)", fontsize=8)
         figure.supylabel("reflectance", fontsize=8)
-        figure.suptitle(
-            "Films left out of the fit: measured over black (dark) and white (light), predicted (lines), 90 % bands",
-            fontsize=9,
-        )
+        words = "Films left out of the fit: measured over black (dark) and white (light), predicted (lines), 90 % bands"
+        figure.suptitle(textwrap.fill(words, 40 * columns), fontsize=9)
 
 
 def _recipe(recovery: JointRecovery, film: int) -> str:
