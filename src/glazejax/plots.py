@@ -1,14 +1,67 @@
-"""What all pictures share: where they may be written, their colours, and the style of their axes."""
+"""What all pictures share: where they may be written, their colours, and the style of their axes.
 
+matplotlib is imported when the first one is drawn, and its global state stays as it is.
+"""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from jaxtyping import Array, Float
 
+from .extras import require
 from .io.outputs import check_output
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
 FORMATS = (".png", ".pdf", ".svg", ".jpg")
-INK, FAINT, GRID = "#26221e", "#7d766e", "#e6e1da"
+INK, FAINT, GRID, EDGE = "#26221e", "#7d766e", "#e6e1da", "#cfc8bf"
+ABSORPTION, SCATTERING = "#8c2d04", "#08519c"
+OVER_BLACK, OVER_WHITE = "#333333", "#b8860b"
+STYLE: dict[Any, Any] = {
+    "figure.facecolor": "white",
+    "text.color": INK,
+    "axes.edgecolor": FAINT,
+    "axes.labelcolor": INK,
+    "axes.titlesize": 10,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "xtick.color": FAINT,
+    "ytick.color": FAINT,
+    "legend.frameon": False,
+    "legend.fontsize": 8,
+}
+_DPI = 110
+
+
+@contextmanager
+def style(more: Mapping[Any, Any] | None = None) -> Iterator[None]:
+    """Draw in the style of all pictures; `more` are settings of matplotlib's own that come on top."""
+    require("matplotlib")
+    from matplotlib import rc_context
+
+    with rc_context({**STYLE, **(more or {})}):
+        yield
+
+
+@contextmanager
+def picture(path: str | Path, width: float, height: float, *, layout: Any = "constrained") -> "Iterator[Figure]":
+    """An empty figure to draw on, inches; afterwards it is written in the format of the path's ending."""
+    with style():
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(width, height), layout=layout)
+        yield figure
+        figure.savefig(path, dpi=_DPI)
+
+
+def label_spectra(axes: "Axes", ylabel: str = "reflectance", **settings: Any) -> None:
+    """Labels of axes with the wavelength along x; further settings as of matplotlib's ``axes.set``."""
+    axes.set(xlabel="wavelength (nm)", ylabel=ylabel, **settings)
 
 
 def check_picture(path: str | Path, *, overwrite: bool = False) -> Path:

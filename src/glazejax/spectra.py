@@ -88,6 +88,15 @@ def describe_grid(wavelengths: Float[np.ndarray, "bands"]) -> str:
     return f"{wavelengths[0]:g}-{wavelengths[-1]:g} nm{step} ({bands})"
 
 
+def ranges(wavelengths: Float[np.ndarray, "bands"], chosen: Bool[np.ndarray, "bands"]) -> str:
+    """The chosen bands in words, such as ``400-470, 600 nm``."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], chosen.astype(int), [0]])))
+    runs = [(wavelengths[a], wavelengths[b - 1]) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    if not runs:
+        return "none"
+    return ", ".join(f"{a:g}" if a == b else f"{a:g}-{b:g}" for a, b in runs) + " nm"
+
+
 def same_grid(first: Float[np.ndarray, "bands"], second: Float[np.ndarray, "others"]) -> bool:
     """Whether two grids agree to a millionth of a nanometre."""
     return first.shape == second.shape and bool(np.allclose(first, second, rtol=0, atol=1e-6))

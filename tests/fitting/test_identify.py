@@ -189,8 +189,9 @@ def test_cards_are_read_by_the_instrument_that_read_the_films(monkeypatch, text)
     air = np.repeat([reflectance(Glaze([], r), instrument.geometry) for r in inside], GRID.size, axis=1)
     films = Films(("a",), GRID, air[:1], air[1:], air[:1], air[1:])
     monkeypatch.setattr(sys.modules[identify.__module__], "identify", lambda *given, **options: asked.append(options))
-    for told in ({"instrument": instrument}, {"geometry": instrument.geometry}):
-        identify_films(films, [], **told)
+    identify_films(films, [], instrument=instrument)
+    identify_films(films, [], geometry=instrument.geometry)
+    assert len(asked) == 2
     for options in asked:
         np.testing.assert_allclose(options["grounds"][0].mean(axis=-1), inside, atol=2e-5)
 

@@ -18,8 +18,9 @@ from glazefit.film.errors import (
     relative_errors,
     whiten,
 )
+from glazefit.film.least_squares import inverse_small
 from glazefit.film.response import film_response
-from glazefit.identify.fit import Weights, fit_sets, inverse_small, log_prior
+from glazefit.identify.fit import Weights, fit_sets, log_prior
 from glazefit.identify.screen import Paints, amounts_grid, grow, sets_of, unique_best
 from glazefit.identify.two_coats import orders
 from glazejax import Hemispherical, Pigment

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -13,12 +15,14 @@ from glazefit import (
     posterior_of_film,
     simulate_films,
 )
+from glazefit.film.least_squares import root_of_log1p
 from glazefit.film.reading import readings
 from glazefit.posterior.bands import join_bands, pose_bands, prior_covariance, prior_draws
 from glazefit.posterior.film import pose_films
 from glazefit.posterior.film_errors import pose_errors
-from glazefit.posterior.laplace import find_modes, laplace
-from glazefit.posterior.problem import log_probability, root_of_log1p, uniform_residual
+from glazefit.posterior.laplace import climb, find_modes, laplace
+from glazefit.posterior.problem import log_probability, uniform_residual
+from glazefit.posterior.report import unsettled
 from glazefit.posterior.summary import Numbers, compare
 from glazejax import Hemispherical, Pigment
 
@@ -181,7 +185,7 @@ def test_likelihood_is_the_gaussian_it_is_said_to_be():
     data = problem.data
     root = np.linalg.inv(np.asarray(data.whiten[0]))
     part = root * np.asarray(data.spread[0])
-    points = found[0, 0] + np.random.default_rng(1).normal(size=(5, 4)) * 0.01
+    points = found.points[0, 0] + np.random.default_rng(1).normal(size=(5, 4)) * 0.01
     expected = []
     for point in points:
         shifted = problem.data._replace(
@@ -268,6 +272,25 @@ def test_two_solutions_are_two_modes():
     assert np.isfinite(result.modes).all()
     np.testing.assert_allclose(result.weights.sum(axis=1), 1.0)
     assert (result.weights[:, 0] > 0).all()
+
+
+def far_away(free, data, shared):
+    """Residuals whose least sum of squares is at infinity: no number of steps gets there."""
+    return jnp.exp(-free) * data
+
+
+def test_least_squares_that_did_not_settle_is_said(banded):
+    problem = replace(banded.problem, residuals=far_away, data=jnp.ones((len(banded.problem.blocks), 1)))
+    assert not climb(problem, np.zeros((len(problem.blocks), 1, problem.dims))).settled.any()
+
+    assert banded.laplace.converged.all()
+    assert unsettled(banded) == ""
+    marks = np.array(banded.laplace.settled)
+    marks[1] = False
+    stopped = replace(banded, laplace=replace(banded.laplace, settled=marks))
+    assert stopped.laplace.converged.tolist() == [n != 1 for n in range(len(marks))]
+    assert f"at the mode of {problem.blocks[1]}:" in unsettled(stopped)
+    assert stopped.inference_data.attrs["laplace_modes_settled"] == 0
 
 
 def test_residuals_of_densities():

@@ -136,6 +136,8 @@ def test_thickness_that_limits_is_named():
 def test_weighing_the_spectrum_brings_it_nearer():
     target = spectral_target("waves", GRID, 0.3 + 0.1 * np.sin(GRID / 20.0))
     errors = [find_recipes(target, palette(), metamerism=weight, count=1)[0].rmse for weight in (0.0, 5.0)]
+    assert errors[0] is not None
+    assert errors[1] is not None
     assert errors[1] < errors[0]
 
 

@@ -1,9 +1,17 @@
+from dataclasses import replace
+
+import jax.numpy as jnp
 import numpy as np
 import pytest
+from rich.console import Console
 
-from glazefit.recipe.bench import Optics, empty_slots, fill_slots, make_bench, readings
+from glazefit import find_recipes
+from glazefit.recipe import refine as refine_module
 from glazefit.recipe.choose import packed, roundings
-from glazefit.recipe.refine import colour_metric
+from glazefit.recipe.model import Optics, empty_slots, fill_slots, make_model, readings
+from glazefit.recipe.refine import colour_metric, refine
+from glazefit.recipe.report import print_best, print_recipes
+from glazefit.recipe.screen import Stacks, TargetArrays
 from glazefit.recipe.targets import colourchecker_targets, lab_target, spectral_target, srgb_target
 from glazejax import Bidirectional, colour
 
@@ -14,8 +22,8 @@ D65 = colour.find_illuminant("D65")
 
 
 @pytest.fixture(scope="module")
-def bench():
-    return make_bench(palette(), 0.9, SEEN, 1.5, [D65], colour.CIE_1931, (1e-6, 50e-6))
+def model():
+    return make_model(palette(), 0.9, SEEN, 1.5, [D65], colour.CIE_1931, (1e-6, 50e-6))
 
 
 def stacks(count: int, coats: int) -> np.ndarray:
@@ -26,37 +34,58 @@ def stacks(count: int, coats: int) -> np.ndarray:
     return sizes
 
 
-def test_the_table_is_exact_for_one_coat_and_near_for_two(bench):
+def test_the_table_is_exact_for_one_coat_and_near_for_two(model):
     optics = Optics.of(SEEN, 1.5)
     one, two = stacks(20, 1), stacks(20, 2)
-    np.testing.assert_allclose(readings(bench, one, None), readings(bench, one, optics), atol=3e-5)
-    apart = np.abs(readings(bench, two, None) - readings(bench, two, optics))
+    np.testing.assert_allclose(readings(model, one, None), readings(model, one, optics), atol=3e-5)
+    apart = np.abs(readings(model, two, None) - readings(model, two, optics))
     assert apart.mean() < 0.005
     assert apart.max() < 0.05
 
 
-def test_an_empty_coat_is_no_coat(bench):
+def test_an_empty_coat_is_no_coat(model):
     one = stacks(5, 1)
     for optics in (None, Optics.of(SEEN, 1.5)):
-        np.testing.assert_allclose(readings(bench, one[:, ::-1], optics), readings(bench, one, optics), atol=1e-6)
+        np.testing.assert_allclose(readings(model, one[:, ::-1], optics), readings(model, one, optics), atol=1e-6)
     np.testing.assert_array_equal(packed(one[:, ::-1]), one)
 
 
-def test_slots_hold_a_stack(bench):
+def test_slots_hold_a_stack(model):
     from jax import vmap
 
-    from glazefit.recipe.bench import amounts
+    from glazefit.recipe.model import amounts
 
     sizes = stacks(20, 2)
     sizes = sizes[(sizes > 0).sum(axis=(1, 2)) <= 6]
-    slots, logs = fill_slots(bench, sizes, 6)
-    back = np.asarray(vmap(lambda s, x: amounts(bench, s, x, 2))(slots, logs))
+    slots, logs = fill_slots(model, sizes, 6)
+    back = np.asarray(vmap(lambda s, x: amounts(model, s, x, 2))(slots, logs))
     back = empty_slots(slots, back, 5)
     # Within 2 % of its range a thickness is moved away from the bound.
     whole = sizes.sum(axis=2, keepdims=True)
     inside = (whole == 0) | ((whole > 1.2) & (whole < 45))
     np.testing.assert_allclose(np.where(inside, back, 0), np.where(inside, sizes, 0), rtol=1e-6)
     assert inside.mean() > 0.8
+
+
+def test_least_squares_that_did_not_settle_is_said(model, monkeypatch):
+    targets = TargetArrays(jnp.full((1, 1, 3), 40.0), jnp.eye(3)[None, None], jnp.zeros((1, GRID.size)), jnp.zeros(1))
+    start = Stacks.unrefined(stacks(4, 1), np.zeros(4, int), np.zeros(4))
+    assert not start.settled.any()
+    # A number of slots of its own, so that the program with a single step is not taken for that of other tests.
+    monkeypatch.setattr(refine_module, "_STEPS", 1)
+    assert not refine(model, targets, start, 7).settled.any()
+    monkeypatch.undo()
+    assert refine(model, targets, start, 6).settled.any()
+
+
+def test_a_recipe_that_did_not_settle_is_named(capsys):
+    recipe = find_recipes((60, 10, 10), palette(), max_paints=2, max_layers=1, count=1)[0]
+    for settled in (True, False):
+        print_recipes([recipe, replace(recipe, converged=settled)], Console())
+        print_best([[replace(recipe, converged=settled)]], Console())
+        said = " ".join(capsys.readouterr().out.split())
+        assert ("stopped before it had settled for recipe 2:" in said) is not settled
+        assert (f"stopped before it had settled for the recipe of {recipe.target.name}:" in said) is not settled
 
 
 def test_the_metric_is_the_colour_difference_of_small_steps():

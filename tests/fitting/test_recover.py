@@ -9,7 +9,7 @@ from glazefit import Instrument, Noise, read_films, recover_films, simulate_film
 from glazefit.film.gloss import estimate_gloss
 from glazefit.film.model import body_reflectance, tabulate
 from glazefit.film.readers import is_masstone, read_names, readable_names
-from glazefit.recover.film_by_film import CHUNK, Prior, pose, recover_chunks, solve, starts
+from glazefit.recover.film_by_film import CHUNK, ScatteringPrior, pose, recover_chunks, solve, starts
 from glazejax import Glaze, Hemispherical, Layer, Pigment, reflectance
 
 GRID = np.arange(400.0, 701.0, 10.0)
@@ -145,7 +145,7 @@ def test_two_solutions_are_both_starts():
     films = simulate_films(["x"], GRID, np.full((1, 31), 2.3), np.full((1, 31), 0.06), noise=Noise(1e-6, 0))
     problem = pose(films, np.ones(1), INSTRUMENT, Noise())
     first = jax.tree.map(lambda a: a[0], problem)
-    points = np.asarray(starts(first, table, Prior(jnp.zeros(()), jnp.zeros(()))).logs)
+    points = np.asarray(starts(first, table, ScatteringPrior(jnp.zeros(()), jnp.zeros(()))).logs)
     assert np.abs(np.exp(points) - [2.3, 0.06]).min(axis=0).max() < 0.5
     k, s = jnp.exp(points).T[..., None]
     read = body_reflectance(k, s, first.ground, INSTRUMENT)
@@ -166,7 +166,7 @@ def test_compiled_program_calls_no_library_for_linear_algebra():
         jnp.asarray, pose(simulate_films(["x"], GRID[:2], *[np.ones((1, 2))] * 2), np.ones(1), INSTRUMENT, Noise())
     )
     table = jax.jit(tabulate, static_argnums=(0, 1))(INSTRUMENT, (20, 12))
-    prior = Prior(jnp.zeros(size), jnp.zeros(size))
+    prior = ScatteringPrior(jnp.zeros(size), jnp.zeros(size))
     # What the compiler is given; it adds no library calls of its own, and compiling again takes long.
     program = solve.lower(problem, table, prior, INSTRUMENT).as_text("hlo")
     assert "lapack_" not in program

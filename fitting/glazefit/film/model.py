@@ -6,9 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from glazejax.radiative.stack import stack_hemispherical_reflectance
-
 from .films import Instrument
+from .optics import Optics
 
 # Optical thicknesses k d and s d that a fit may take. A clear film reads as bare card to 1e-5 at the lower ends; at
 # the upper ones every film is opaque.
@@ -37,18 +36,11 @@ def body_reflectance(
         ValueError: the instrument is no integrating sphere.
     """
     instrument.require_sphere()
-    depth = absorption + scattering
-    return stack_hemispherical_reflectance(
-        (scattering / depth)[..., None],
-        depth[..., None],
-        ground,
-        refractive_index=instrument.refractive_index,
-        cos_incidence=instrument.cos_incidence,
-        tolerance=tolerance,
-    )
+    optics = Optics(instrument.cos_incidence, None, instrument.refractive_index)
+    return optics.body(absorption[..., None], scattering[..., None], ground, tolerance)
 
 
-class Table(NamedTuple):
+class ReflectanceTable(NamedTuple):
     """Reflectance of films on a grid of (log k d, log s d), for every ground at once.
 
     Over a Lambertian ground the reflectance is black + gain rho/(1 - back rho), exactly: the first light that
@@ -62,7 +54,7 @@ class Table(NamedTuple):
     back: Float[Array, "k s"]
 
 
-def tabulate(instrument: Instrument, sizes: tuple[int, int] = (80, 44)) -> Table:
+def tabulate(instrument: Instrument, sizes: tuple[int, int] = (80, 44)) -> ReflectanceTable:
     """Table that starts a fit, from three grounds a film; `sizes` values of k d and s d."""
     k = jnp.linspace(np.log(1e-5), np.log(0.8 * HIGHEST[0]), sizes[0])
     s = jnp.linspace(np.log(1e-4), np.log(0.8 * HIGHEST[1]), sizes[1])
@@ -73,4 +65,4 @@ def tabulate(instrument: Instrument, sizes: tuple[int, int] = (80, 44)) -> Table
     # half = .5 gain/(1 - .5 back), white = gain/(1 - back).
     ratio = jnp.clip(white, 1e-12) / jnp.clip(half, 1e-12)
     back = jnp.clip((ratio - 2.0) / (ratio - 1.0), 0.0, 0.99)
-    return Table(k, s, black, jnp.clip(white, 0.0) * (1.0 - back), back)
+    return ReflectanceTable(k, s, black, jnp.clip(white, 0.0) * (1.0 - back), back)

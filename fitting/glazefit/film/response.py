@@ -22,7 +22,8 @@ from jaxtyping import Array, ArrayLike, Float, Int
 
 from glazejax.geometry import Bidirectional, Geometry
 from glazejax.radiative.common.inputs import concrete
-from glazejax.radiative.stack import stack_hemispherical_reflectance, stack_reflectance_factor
+
+from .optics import Optics
 
 HIGHEST = (300.0, 1000.0)
 """Largest k d and s d of the table; a film beyond is opaque and taken at the end."""
@@ -85,6 +86,12 @@ class FilmResponse(Response):
         black, gain, back = self.numbers(*films)
         return black + gain * ground / (1.0 - back * ground)
 
+    def internal(self, body: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
+        """Internal reflectance of the Lambertian ground that, bare, reads `body` without the outer surface's part."""
+        nothing = jnp.zeros((), body.dtype)
+        black, gain, back = self.numbers(nothing, nothing)
+        return ground_below(body - black, gain, back)
+
 
 def _locate(thickness: Float[Array, "*batch"], highest: float) -> tuple[Int[Array, "*batch"], Float[Array, "*batch 4"]]:
     """Cell and the four cubic B-spline weights of each value."""
@@ -107,21 +114,18 @@ def film_response(geometry: Geometry, refractive_index: float = 1.5) -> FilmResp
     Raises:
         ValueError: an angle that is an array or traced.
     """
-    cosines = [geometry.cos_incidence]
-    if isinstance(geometry, Bidirectional):
-        cosines.append(geometry.cos_viewing)
+    cosines = [geometry.cos_incidence, *([geometry.cos_viewing] if isinstance(geometry, Bidirectional) else [])]
     known = [concrete(cosine) for cosine in cosines]
     if any(value is None or value.ndim for value in known):
         raise ValueError("a film's table is made for one pair of angles: give them as numbers, not as arrays")
-    angles = tuple(float(value) for value in known if value is not None)
-    return FilmResponse(jnp.asarray(_patches(angles, float(refractive_index))))
+    return FilmResponse(jnp.asarray(_patches(Optics.of(geometry, refractive_index))))
 
 
 @functools.lru_cache(maxsize=8)
-def _patches(cosines: tuple[float, ...], index: float) -> Float[np.ndarray, "cells 4 4 3"]:
-    """Spline coefficients from solved films; one cosine asks for the sphere, two for a reflectance factor."""
+def _patches(optics: Optics) -> Float[np.ndarray, "cells 4 4 3"]:
+    """Spline coefficients from solved films."""
     inverse = np.linalg.inv(_not_a_knot(_NODES))[:, :_NODES]
-    coefficients = np.einsum("ai,bj,cij->abc", inverse, inverse, _solve(cosines, index), optimize=True)
+    coefficients = np.einsum("ai,bj,cij->abc", inverse, inverse, _solve(optics), optimize=True)
     windows = np.lib.stride_tricks.sliding_window_view(coefficients, (4, 4), axis=(0, 1))
     return np.ascontiguousarray(np.moveaxis(windows, 2, -1)).reshape(-1, 4, 4, 3)
 
@@ -138,23 +142,17 @@ def _not_a_knot(nodes: int) -> Float[np.ndarray, "n n"]:
     return matrix
 
 
-def _solve(cosines: tuple[float, ...], index: float) -> Float[np.ndarray, "3 nodes nodes"]:
+def _solve(optics: Optics) -> Float[np.ndarray, "3 nodes nodes"]:
     """Black, gain and back at the nodes."""
     kd, sd = np.meshgrid(
         *(_BEND * np.expm1(np.linspace(0.0, np.log1p(highest / _BEND), _NODES)) for highest in HIGHEST), indexing="ij"
     )
-    depth = kd + sd
-    albedo = sd / np.where(depth > 0, depth, 1.0)
-    solver = stack_hemispherical_reflectance
-    if len(cosines) == 2:
-        solver = functools.partial(stack_reflectance_factor, cos_viewing=cosines[1])
 
     @jax.jit
-    def over_three_grounds(albedo: Array, depth: Array) -> Array:
-        grounds = jnp.asarray([0.0, 0.5, 1.0])
-        return solver(albedo, depth, grounds, refractive_index=index, cos_incidence=cosines[0], tolerance=_TOLERANCE)
+    def over_three_grounds(kd: Array, sd: Array) -> Array:
+        return optics.body(kd, sd, jnp.asarray([0.0, 0.5, 1.0]), _TOLERANCE)
 
-    pieces = [a.reshape(-1, _CHUNK, 1, 1) for a in (albedo, depth)]
+    pieces = [a.reshape(-1, _CHUNK, 1, 1) for a in (kd, sd)]
     solved = [np.asarray(over_three_grounds(*piece)) for piece in zip(*pieces, strict=True)]
     black, half, white = np.moveaxis(np.concatenate(solved).reshape(_NODES, _NODES, 3), -1, 0)
     return np.stack([black, *_gain_and_back(half - black, white - black)])

@@ -187,8 +187,8 @@ def _report(
     out: Path | None,
     overwrite: bool,
 ) -> None:
+    from .plots import plot_identification
     from .report import (
-        picture,
         print_identification,
         write_candidates,
         write_residuals,
@@ -202,5 +202,5 @@ def _report(
         write_residuals(found, residuals, overwrite=overwrite)
         console.print(f"Wrote measured, fitted and residual spectra to {residuals}")
     if out is not None:
-        count = picture(found, out)
+        count = plot_identification(found, out)
         console.print(f"Drew {'the first ' if count < len(found) else ''}{count} to {out}")

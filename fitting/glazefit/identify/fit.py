@@ -1,9 +1,9 @@
 """Amounts of the paints of many candidates at once, and the probability of each candidate.
 
 Unknowns are log amounts, u_i = log a_i. What is minimised is minus the log of posterior density in u: half the squared
-whitened residuals, a log-normal prior of the total, and a Dirichlet prior of the fractions. Gauss-Newton steps with
-Levenberg's damping, a fixed number of them, run side by side for all candidates of a spectrum; at most three unknowns,
-so that the linear algebra is written out. Laplace's approximation at the minimum gives each candidate's evidence.
+whitened residuals, a log-normal prior of the total, and a Dirichlet prior of the fractions. A fixed number of damped
+steps (`glazefit.film.least_squares.damped_newton`) run side by side for all candidates of a spectrum. Laplace's
+approximation at the minimum gives each candidate's evidence.
 """
 
 import functools
@@ -12,9 +12,11 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.scipy.special import gammaln
 from jaxtyping import Array, Bool, Float
 
+from ..film.least_squares import damped_newton, inverse_small
 from ..film.response import FilmResponse
 from .screen import Paints
 
@@ -41,24 +43,6 @@ class Fitted(NamedTuple):
     covariance: Float[Array, "sets size size"]  # of the log amounts
     log_evidence: Float[Array, "sets"]
     readings: Float[Array, "sets readings"]  # without the surface
-
-
-def inverse_small(matrix: Float[Array, "n n"]) -> tuple[Float[Array, "n n"], Float[Array, ""]]:
-    """Inverse and log determinant of a positive definite matrix of up to three rows, by Cholesky factors."""
-    n = matrix.shape[-1]
-    lower = [[jnp.zeros_like(matrix[0, 0])] * n for _ in range(n)]
-    for i in range(n):
-        for j in range(i + 1):
-            rest = matrix[i, j] - sum(lower[i][p] * lower[j][p] for p in range(j))
-            lower[i][j] = jnp.sqrt(jnp.maximum(rest, 1e-12)) if i == j else rest / lower[j][j]
-    unit = []
-    for column in range(n):
-        x: list[Array] = []
-        for i in range(n):
-            x.append(((1.0 if i == column else 0.0) - sum(lower[i][p] * x[p] for p in range(i))) / lower[i][i])
-        unit.append(jnp.stack([jnp.asarray(v) for v in x]))
-    inverse = jnp.stack(unit, axis=1)
-    return inverse.T @ inverse, 2.0 * sum((jnp.log(lower[i][i]) for i in range(n)), jnp.zeros(()))
 
 
 def log_prior(
@@ -107,19 +91,8 @@ def fit_one(
         cost = 0.5 * off @ off - log_prior(logs, present, weights.spread, weights.concentration)
         return cost, gradient - slopes @ off, hessian + slopes @ slopes.T, readings
 
-    def step(_: int, state: tuple) -> tuple:
-        logs, seen, damping = state
-        _, gradient, hessian, _ = seen
-        damped = hessian + damping * (jnp.diag(jnp.diagonal(hessian)) + 1e-6 * jnp.eye(logs.shape[0]))
-        move = jnp.clip(-inverse_small(damped)[0] @ gradient, -_LONGEST, _LONGEST)
-        tried = jnp.clip(logs + move, jnp.log(LEAST), jnp.log(MOST))
-        new = look(tried)
-        better = new[0] < seen[0]
-        kept = jax.tree.map(lambda a, b: jnp.where(better, a, b), (tried, new), (logs, seen))
-        return (*kept, jnp.where(better, damping * 0.2, jnp.maximum(damping, 1e-3) * 6.0))
-
-    state = (start, look(start), jnp.asarray(0.02, start.dtype))
-    logs, (_, _, hessian, readings), _ = jax.lax.fori_loop(0, _STEPS, step, state)
+    limits = np.log(LEAST), np.log(MOST)
+    logs, (_, _, hessian, readings) = damped_newton(look, start, limits, steps=_STEPS, longest=_LONGEST)
     log_evidence, spread = _evidence(logs, present, hessian, readings, weights)
     return Fitted(logs, spread, log_evidence, readings)
 
@@ -136,16 +109,22 @@ def _evidence(logs: Array, present: Array, hessian: Array, readings: Array, weig
 
 def coat_model(response: FilmResponse, k: Array, s: Array, ground: Array) -> Model:
     """Model of one coat of paints of these optical thicknesses, (size, bands)."""
-    seen = functools.partial(response.body, ground=ground)
 
     def model(amounts: Array) -> tuple[Array, Array]:
-        films, unit = (amounts @ k, amounts @ s), jnp.ones_like(k[0])
-        readings, by_k = jax.jvp(seen, films, (unit, jnp.zeros_like(unit)))
-        _, by_s = jax.jvp(seen, films, (jnp.zeros_like(unit), unit))
+        readings, by_k, by_s = _readings_and_slopes(response, amounts @ k, amounts @ s, ground)
         slopes = amounts[:, None, None] * (k[:, None, :] * by_k + s[:, None, :] * by_s)
         return readings.reshape(-1), slopes.reshape(amounts.shape[0], -1)
 
     return model
+
+
+def _readings_and_slopes(
+    response: FilmResponse, kd: Float[Array, "bands"], sd: Float[Array, "bands"], ground: Float[Array, "grounds bands"]
+) -> tuple[Array, Array, Array]:
+    """Readings of one film, and their slopes by k d and by s d at the same band, (grounds, bands) each."""
+    seen, unit, none = functools.partial(response.body, ground=ground), jnp.ones_like(kd), jnp.zeros_like(kd)
+    readings, by_k = jax.jvp(seen, (kd, sd), (unit, none))
+    return readings, by_k, jax.jvp(seen, (kd, sd), (none, unit))[1]
 
 
 @functools.partial(jax.jit, static_argnames=("middle", "own"))
@@ -193,10 +172,7 @@ def coat_slopes(
     def candidate(members: Array, logs: Array, ground: Array) -> Array:
         amounts = jnp.where(members >= 0, jnp.exp(logs), 0.0)[:, None]
         parts = amounts * paints.absorption[members], amounts * paints.scattering[members]
-        films, unit = tuple(part.sum(axis=0) for part in parts), jnp.ones_like(parts[0][0])
-        seen = functools.partial(response.body, ground=ground)
-        by_k = jax.jvp(seen, films, (unit, jnp.zeros_like(unit)))[1]
-        by_s = jax.jvp(seen, films, (jnp.zeros_like(unit), unit))[1]
+        _, by_k, by_s = _readings_and_slopes(response, parts[0].sum(axis=0), parts[1].sum(axis=0), ground)
         slopes = jnp.concatenate([parts[0][:, None] * by_k, parts[1][:, None] * by_s])
         return slopes.reshape(slopes.shape[0], -1)
 

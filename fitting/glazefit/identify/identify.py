@@ -8,14 +8,13 @@ keeps far more than ever come near the best.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import ArrayLike, Float
 from scipy.special import logsumexp
 
-from glazejax import Bidirectional, Hemispherical, Pigment
+from glazejax import Hemispherical, Pigment
 from glazejax.geometry import Geometry, resolve_instrument
 from glazejax.paint.media import MAX_THICKNESS
 
@@ -28,12 +27,12 @@ from ..film.errors import (
     relative_errors,
 )
 from ..film.films import Films, Instrument, Noise, cards
-from ..film.response import film_response, ground_below
+from ..film.optics import Optics
+from ..film.response import film_response
 from .result import POOR_FIT, RARE, Identification, Pool
 from .screen import Paints
-from .search import CHUNK, Task, first_starts, search_chunk
-from .task import Measured, check_pigments, check_spectra
-from .two_coats import Optics
+from .search import CHUNK, first_starts, search_chunk
+from .task import IdentificationTask, Measured, check_pigments, check_spectra
 
 # Scattering optical thickness of a film that hides its ground.
 _OPAQUE = 200.0
@@ -90,12 +89,12 @@ def identify_chunks(
     known = check_pigments(pigments, measured.wavelengths)
     if grounds is None:
         prior = _opaque(prior, known)
-    task = Task(
+    task = IdentificationTask(
         film_response(instrument.geometry, instrument.refractive_index),
         _paints(known, prior.thickness),
         relative_errors(known, discrepancy),
         measured.wavelengths,
-        _optics(instrument),
+        Optics.of(instrument.geometry, instrument.refractive_index),
         instrument.seen_surface,
         noise,
         discrepancy,
@@ -111,7 +110,7 @@ def identify_chunks(
 
 
 def _weigh(
-    task: Task, pool: Pool, measured: Measured, names: tuple[str, ...], opaque: bool, keep: int
+    task: IdentificationTask, pool: Pool, measured: Measured, names: tuple[str, ...], opaque: bool, keep: int
 ) -> Identification:
     """Probabilities of all candidates and of none, and the best candidates in full."""
     nothing = log_none(measured.readings, task.noise.sd(measured.readings), task.wavelengths)
@@ -144,7 +143,7 @@ def _weigh(
     )
 
 
-def _gloss(task: Task, measured: Measured, pool: Pool) -> Float[np.ndarray, "spectra candidates"]:
+def _gloss(task: IdentificationTask, measured: Measured, pool: Pool) -> Float[np.ndarray, "spectra candidates"]:
     """Share of the surface's reflection that each candidate's residual speaks for."""
     seen, d = task.surface, task.discrepancy
     model = model_covariance(task.wavelengths, measured.readings.shape[1], d, d.screening)
@@ -160,44 +159,59 @@ def identify(
     pigments: Sequence[Pigment],
     *,
     grounds: ArrayLike | None,
-    **options: Any,
+    instrument: Instrument | None = None,
+    geometry: Geometry | None = None,
+    noise: Noise | None = None,
+    discrepancy: Discrepancy | None = None,
+    prior: Prior | None = None,
+    max_paints: int = 3,
+    layers: int = 1,
+    names: Sequence[str] | None = None,
+    keep: int = 20,
 ) -> Identification:
     """Paints, fractions and thickness of films from their spectra, as ranked lists with probabilities.
 
     Args and errors are those of `identify_chunks`.
     """
-    return Identification.join(list(identify_chunks(spectra, wavelengths, pigments, grounds=grounds, **options)))
+    parts = identify_chunks(
+        spectra, wavelengths, pigments, grounds=grounds, instrument=instrument, geometry=geometry, noise=noise,
+        discrepancy=discrepancy, prior=prior, max_paints=max_paints, layers=layers, names=names, keep=keep,
+    )  # fmt: skip
+    return Identification.join(list(parts))
 
 
-def identify_films(films: Films, pigments: Sequence[Pigment], **options: Any) -> Identification:
+def identify_films(
+    films: Films,
+    pigments: Sequence[Pigment],
+    *,
+    instrument: Instrument | None = None,
+    geometry: Geometry | None = None,
+    noise: Noise | None = None,
+    discrepancy: Discrepancy | None = None,
+    prior: Prior | None = None,
+    max_paints: int = 3,
+    layers: int = 1,
+    keep: int = 20,
+) -> Identification:
     """As `identify`, for films over a black and a white card that were measured bare."""
-    instrument = resolve_instrument(options.get("instrument"), options.get("geometry"))
-    if isinstance(instrument.geometry, Hemispherical):
-        black, white, _, _ = cards(films, instrument, options.get("noise") or Noise())
+    seen_by = resolve_instrument(instrument, geometry)
+    if isinstance(seen_by.geometry, Hemispherical):
+        black, white, _, _ = cards(films, seen_by, noise or Noise())
     else:
         bare = np.stack([films.bare_black, films.bare_white])
-        black, white = ground_from_air(bare, instrument.geometry, instrument.refractive_index)
+        black, white = ground_from_air(bare, seen_by.geometry, seen_by.refractive_index)
+    over = np.stack([films.over_black, films.over_white], axis=1)
     return identify(
-        np.stack([films.over_black, films.over_white], axis=1),
-        films.wavelengths,
-        pigments,
-        grounds=np.stack([black, white], axis=1),
-        names=films.names,
-        **options,
-    )
+        over, films.wavelengths, pigments, grounds=np.stack([black, white], axis=1), instrument=instrument,
+        geometry=geometry, noise=noise, discrepancy=discrepancy, prior=prior, max_paints=max_paints, layers=layers,
+        names=films.names, keep=keep,
+    )  # fmt: skip
 
 
 def _opaque(prior: Prior, pigments: Sequence[Pigment]) -> Prior:
     """A film so thick that its ground does not matter: the thickness is set, not sought."""
     typical = np.median([np.median(np.asarray(p.scattering)) for p in pigments])
     return replace(prior, thickness=min(_OPAQUE / max(float(typical), 1.0), MAX_THICKNESS), spread=0.05)
-
-
-def _optics(instrument: Instrument) -> Optics:
-    """Plain numbers, which compiled programs can be made for."""
-    geometry = instrument.geometry
-    viewing = float(np.asarray(geometry.cos_viewing)) if isinstance(geometry, Bidirectional) else None
-    return Optics(instrument.cos_incidence, viewing, float(instrument.refractive_index))
 
 
 def ground_from_air(
@@ -209,10 +223,9 @@ def ground_from_air(
         ValueError: a reading below the surface's reflection or above that of a perfect diffuser, by more than .01.
     """
     instrument = resolve_instrument(None, geometry, refractive_index)
-    response = film_response(instrument.geometry, instrument.refractive_index)
-    _, gain, back = response.numbers(jnp.zeros(()), jnp.zeros(()))
     within = np.asarray(bare, dtype=np.float64) - instrument.seen_surface
-    inside = ground_below(within, float(gain), float(back))
+    response = film_response(instrument.geometry, instrument.refractive_index)
+    inside = np.asarray(response.internal(jnp.asarray(within)))
     for wrong, words in ((within < -0.01, "less than its surface alone"), (inside > 1.01, "more than white can")):
         if wrong.any():
             value = np.asarray(bare)[wrong].flat[0]

@@ -1,4 +1,4 @@
-"""What `glazejax identify` leaves: lines on the screen, tables and a picture."""
+"""What `glazejax identify` leaves: lines on the screen and tables."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -8,8 +8,9 @@ from rich.console import Console
 from rich.table import Table
 
 from glazejax.io import write_table
+from glazejax.report import plain_table
 
-from .result import Candidate, Identification
+from .result import Identification
 
 COLUMNS = (
     "spectrum",
@@ -25,8 +26,6 @@ COLUMNS = (
     "none_of_these",
     "explained",
 )
-_COLOURS = ("#8c2d04", "#08519c", "#41732b")
-_PICTURED = 6
 
 
 def print_identification(found: Identification, console: Console, top: int, detailed: int) -> None:
@@ -67,15 +66,8 @@ def doubtful(found: Identification, row: int, least: float = 0.05, most: float =
 
 
 def _table(found: Identification, row: int, top: int) -> Table:
-    table = Table(title=found.measured.names[row], title_justify="left", box=None)
-    table.add_column("paints", overflow="fold")
-    titles = (
-        ["probability", "RMSE", "angle", "ΔE00"]
-        if found.opaque
-        else ["probability", "thickness", "RMSE", "angle", "ΔE00"]
-    )
-    for title in titles:
-        table.add_column(title, justify="right", no_wrap=True)
+    thickness = [] if found.opaque else ["thickness"]
+    table = plain_table("paints", "probability", *thickness, "RMSE", "angle", "ΔE00", title=found.measured.names[row])
     for candidate in found.ranked(row, top):
         cells = [_chance(candidate.probability)]
         if not found.opaque:
@@ -129,53 +121,3 @@ def write_residuals(found: Identification, path: Path, *, overwrite: bool = Fals
         for band, nm in enumerate(found.measured.wavelengths)
     )
     write_table(path, header, lines, overwrite=overwrite)
-
-
-def picture(found: Identification, path: Path, top: int = 3) -> int:
-    """Draw measured and fitted spectra, residuals and probabilities of the first spectra.
-
-    Returns:
-        Spectra drawn.
-    """
-    from matplotlib.figure import Figure
-
-    count = min(len(found), _PICTURED)
-    figure = Figure(figsize=(12, 3.3 * count), layout="constrained")
-    axes = figure.subplots(count, 3, squeeze=False, width_ratios=(1.2, 1, 1))
-    for row in range(count):
-        candidates = found.ranked(row, top)
-        _draw(found, row, candidates, axes[row])
-    figure.savefig(path, dpi=110)
-    return count
-
-
-def _draw(found: Identification, row: int, candidates: list[Candidate], axes: np.ndarray) -> None:
-    spectra, residuals, chances = axes
-    grid, readings = found.measured.wavelengths, found.measured.readings[row]
-    for ground, reading in enumerate(readings):
-        spectra.plot(grid, reading, "o", color="0.25", ms=3.5, mfc="none", label="measured" if ground == 0 else None)
-    for n, (candidate, colour) in enumerate(zip(candidates, _COLOURS, strict=False)):
-        for ground in range(len(readings)):
-            first = ground == 0
-            label = candidate.words if first else None
-            spectra.plot(grid, candidate.fitted[ground], "-", color=colour, lw=1.4 - 0.3 * n, label=label)
-            residuals.plot(grid, candidate.residual[ground], "-" if first else "--", color=colour, lw=1.2)
-    spectra.set(ylim=(0, max(1.0, float(readings.max()) * 1.05)), ylabel="reflectance")
-    spectra.set_title(found.measured.names[row], fontsize=10)
-    residuals.axhline(0, color="0.7", lw=0.8)
-    residuals.set(ylabel="measured - fitted")
-    residuals.set_title("residual" + (", dashed over the next ground" if len(readings) > 1 else ""), fontsize=10)
-    for axis in (spectra, residuals):
-        axis.set(xlabel="wavelength (nm)")
-    names = [candidate.words for candidate in candidates] + ["all others", "none of the catalogue"]
-    shown = [candidate.probability for candidate in candidates]
-    values = [*shown, max(0.0, 1.0 - sum(shown) - found.none[row]), found.none[row]]
-    colours = [*_COLOURS[: len(candidates)], "0.7", "0.3"]
-    chances.barh(np.arange(len(names)), values, color=colours)
-    chances.set(xlim=(0, 1), xlabel="probability", ylim=(len(names) - 0.4, -0.85))
-    chances.set_yticks([])
-    for place, name in enumerate(names):
-        chances.text(0.01, place - 0.42, name, fontsize=7.5, va="bottom", ha="left")
-    for place, bar in enumerate(chances.patches):
-        bar.set_height(0.45)
-        bar.set_y(place - 0.4 + 0.02)

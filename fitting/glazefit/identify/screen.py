@@ -33,7 +33,7 @@ class Paints(NamedTuple):
     scattering: Float[Array, "paints bands"]
 
 
-class Search(NamedTuple):
+class WhitenedSpectra(NamedTuple):
     """Spectra in the units of their errors, where these are taken as alike: |W (y - f)|^2 is what a film costs."""
 
     target: Float[Array, "spectra readings"]  # W (y - surface)
@@ -86,7 +86,7 @@ def film_readings(
 
 @functools.partial(jax.jit, static_argnames="block")
 def screen(
-    response: FilmResponse, paints: Paints, sets: Array, grid: Array, search: Search, block: int = _BLOCK
+    response: FilmResponse, paints: Paints, sets: Array, grid: Array, search: WhitenedSpectra, block: int = _BLOCK
 ) -> tuple[Float[Array, "spectra sets"], Int[Array, "spectra sets"]]:
     """Least cost of each set over a grid of amounts, and the grid point where it is.
 
@@ -98,25 +98,17 @@ def screen(
         search: spectra that share grounds.
         block: sets done at a time, so that memory stays bounded.
     """
-    count, points = sets.shape[0], grid.shape[0]
-    blocks = -(-count // block)
-    padded = jnp.pad(sets, ((0, blocks * block - count), (0, 0)), mode="edge").reshape(blocks, block, -1)
     projected = search.target @ search.whitening  # W^T W y
     size = jnp.sum(search.target**2, axis=-1)
 
     def one(members: Array) -> tuple[Array, Array]:
-        films = film_readings(response, paints, members, jnp.broadcast_to(grid, (block, *grid.shape)), search.ground)
-        films = films.reshape(block * points, -1)
+        films = film_readings(response, paints, members[None], grid[None], search.ground)[0]
         own = jnp.sum((films @ search.whitening.T) ** 2, axis=-1)
-        cost = (size[:, None] + own - 2.0 * projected @ films.T).reshape(-1, block, points)
+        cost = size[:, None] + own - 2.0 * projected @ films.T
         return cost.min(axis=-1), jnp.argmin(cost, axis=-1)
 
-    cost, where = jax.lax.map(one, padded)
-
-    def flat(blocks: Array) -> Array:
-        return jnp.moveaxis(blocks, 0, 1).reshape(size.shape[0], -1)[:, :count]
-
-    return flat(cost), flat(where)
+    cost, where = jax.lax.map(one, sets, batch_size=block)
+    return cost.T, where.T
 
 
 def grow(

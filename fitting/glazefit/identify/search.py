@@ -9,22 +9,16 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..film.errors import (
-    Discrepancy,
-    Prior,
     Whitening,
     coefficient_covariance,
     model_covariance,
     noise_covariance,
     whiten,
-    whitening,
 )
-from ..film.films import Noise
-from ..film.response import FilmResponse
 from .fit import LEAST, MOST, Fitted, Weights, coat_slopes, fit_sets
 from .result import NOBODY, Pool
 from .screen import (
-    Paints,
-    Search,
+    WhitenedSpectra,
     amounts_grid,
     grow,
     score,
@@ -32,8 +26,8 @@ from .screen import (
     sets_of,
     unique_best,
 )
-from .task import Measured
-from .two_coats import Optics, fit_stacks, orders, stack_slopes, stack_starts
+from .task import IdentificationTask, Measured
+from .two_coats import fit_stacks, orders, stack_slopes, stack_starts
 
 CHUNK = 16
 """Spectra that are fitted at a time."""
@@ -45,60 +39,18 @@ _ROUNDS = 2
 _REFINED = {1: (8, 3), 2: (12, 4), 3: (20, 6)}
 # Grounds that differ by less share a screening; each film is then fitted with its own.
 _ALIKE = 0.04
-_TYPICAL_READING = 0.3
 
 
-class Task(NamedTuple):
-    """What all spectra of an identification share."""
-
-    response: FilmResponse
-    paints: Paints
-    errors: Float[np.ndarray, "paints 2 bands"]  # relative, of the paints' k and s
-    wavelengths: Float[np.ndarray, "bands"]
-    optics: Optics
-    surface: float  # what a smooth surface adds to a reading
-    noise: Noise
-    discrepancy: Discrepancy
-    prior: Prior
-    max_paints: int
-    layers: int
-
-    @property
-    def known(self) -> int:
-        """Paints in the catalogue."""
-        return self.paints.absorption.shape[0]
-
-    @property
-    def middle(self) -> int:
-        """Scale of the discrepancy that is fitted with: the one nearest to 1."""
-        return int(np.argmin(np.abs(np.log(self.discrepancy.scales))))
-
-    def target(self, readings: Float[np.ndarray, "spectra grounds bands"]) -> Float[np.ndarray, "spectra readings"]:
-        """Readings without the mean surface."""
-        return (readings - self.discrepancy.gloss * self.surface).reshape(len(readings), -1)
-
-    def common_whitening(self, grounds: int) -> Float[np.ndarray, "readings readings"]:
-        """Of a reading of middling size, for the searches that only rank."""
-        sd = self.noise.sd(np.full((grounds, self.wavelengths.size), _TYPICAL_READING))
-        model = model_covariance(self.wavelengths, grounds, self.discrepancy, self.discrepancy.screening)
-        return whitening(noise_covariance(sd, self.surface, self.discrepancy) + model)[0]
-
-    def log_set(self, size: int) -> float:
-        """Log prior probability of one set of so many paints."""
-        sizes = np.asarray(self.prior.sizes[: self.max_paints])
-        return float(
-            np.log(sizes[size - 1] / sizes.sum() * (1.0 - self.prior.unknown)) - np.log(len(sets_of(self.known, size)))
-        )
-
-
-class Start(NamedTuple):
+class SetStarts(NamedTuple):
     """Sets of one size and where to start them."""
 
     sets: Int[np.ndarray, "spectra sets size"]
     logs: Float[np.ndarray, "spectra sets size"]
 
 
-def weights_of(task: Task, readings: Float[np.ndarray, "spectra grounds bands"], errors: Whitening) -> Weights:
+def weights_of(
+    task: IdentificationTask, readings: Float[np.ndarray, "spectra grounds bands"], errors: Whitening
+) -> Weights:
     """Errors and prior of some spectra, or of some candidates for each, which the errors' leading axes say."""
     batch = errors.height.shape[:-1]
     target = task.target(readings).reshape(len(readings), *[1] * (len(batch) - 1), -1)
@@ -108,7 +60,7 @@ def weights_of(task: Task, readings: Float[np.ndarray, "spectra grounds bands"],
     return Weights(*(jnp.asarray(a, float) for a in parts))
 
 
-def alike_errors(task: Task, readings: Float[np.ndarray, "spectra grounds bands"]) -> Whitening:
+def alike_errors(task: IdentificationTask, readings: Float[np.ndarray, "spectra grounds bands"]) -> Whitening:
     """Errors while candidates are looked for: the same for all candidates of a spectrum."""
     d = task.discrepancy
     model = model_covariance(task.wavelengths, readings.shape[1], d, d.screening)
@@ -117,7 +69,7 @@ def alike_errors(task: Task, readings: Float[np.ndarray, "spectra grounds bands"
 
 
 def own_errors(
-    task: Task,
+    task: IdentificationTask,
     readings: Float[np.ndarray, "spectra grounds bands"],
     sets: Int[np.ndarray, "spectra sets size"],
     slopes: Float[np.ndarray, "spectra sets errors readings"],
@@ -132,7 +84,7 @@ def own_errors(
     return whiten(np.broadcast_to(fixed, scaled.shape), scaled, d)
 
 
-def first_starts(task: Task, measured: Measured) -> list[Start]:
+def first_starts(task: IdentificationTask, measured: Measured) -> list[SetStarts]:
     """Sets of one paint and the best of two for every spectrum, from the screening."""
     kinds = []
     for size in range(1, min(task.max_paints, 2) + 1):
@@ -140,7 +92,7 @@ def first_starts(task: Task, measured: Measured) -> list[Start]:
         keep = min(len(sets), _KEPT_PAIRS) if size == 2 else len(sets)
         chosen = np.empty((len(measured), keep, size), dtype=np.int32)
         logs = np.empty(chosen.shape)
-        kinds.append((sets, amounts_grid(size, task.prior.spread), Start(chosen, logs)))
+        kinds.append((sets, amounts_grid(size, task.prior.spread), SetStarts(chosen, logs)))
     white = jnp.asarray(task.common_whitening(measured.readings.shape[1]), float)
     target = task.target(measured.readings) @ np.asarray(white).T
     for rows, ground in alike_grounds(measured.grounds):
@@ -148,7 +100,7 @@ def first_starts(task: Task, measured: Measured) -> list[Start]:
             some = rows[first : first + _SCREENED]
             # Padded to one of two sizes, so that little is compiled.
             padded = np.resize(some, 1 if len(some) == 1 else CHUNK if len(some) <= CHUNK else _SCREENED)
-            search = Search(jnp.asarray(target[padded], float), white, jnp.asarray(ground, float))
+            search = WhitenedSpectra(jnp.asarray(target[padded], float), white, jnp.asarray(ground, float))
             for sets, grid, start in kinds:
                 cost, where = screen(task.response, task.paints, jnp.asarray(sets), jnp.asarray(grid, float), search)
                 best = np.argsort(np.asarray(cost)[: len(some)], axis=1)[:, : start.sets.shape[1]]
@@ -169,7 +121,9 @@ def alike_grounds(
     return groups
 
 
-def search_chunk(task: Task, measured: Measured, rows: Int[np.ndarray, "rows"], starts: list[Start]) -> Pool:
+def search_chunk(
+    task: IdentificationTask, measured: Measured, rows: Int[np.ndarray, "rows"], starts: list[SetStarts]
+) -> Pool:
     """Fitted candidates of some spectra, at most `CHUNK`."""
     # Few sizes, so that little is compiled.
     padded = np.resize(rows, CHUNK if len(rows) > 1 else 1)
@@ -178,7 +132,7 @@ def search_chunk(task: Task, measured: Measured, rows: Int[np.ndarray, "rows"], 
     pool: Pool | None = None
     last = None
     for start in starts:
-        start = Start(start.sets[padded], start.logs[padded])
+        start = SetStarts(start.sets[padded], start.logs[padded])
         last = start.sets, _fit(task, start, ground, weights)
         pool = _add(pool, _pool(task, *last))
     assert pool is not None
@@ -195,7 +149,7 @@ def search_chunk(task: Task, measured: Measured, rows: Int[np.ndarray, "rows"], 
     return pool.take(np.broadcast_to(np.arange(pool.log_weight.shape[1]), (len(rows), pool.log_weight.shape[1])))
 
 
-def _refined(task: Task, pool: Pool, readings: np.ndarray, ground: jax.Array) -> Pool:
+def _refined(task: IdentificationTask, pool: Pool, readings: np.ndarray, ground: jax.Array) -> Pool:
     """The best of the pool fitted again with errors of each candidate's own, and the very best once more."""
     many, few = _REFINED[task.max_paints]
     pool = _refit(task, pool.best(many), readings, ground)
@@ -203,7 +157,7 @@ def _refined(task: Task, pool: Pool, readings: np.ndarray, ground: jax.Array) ->
     return _refit(task, pool.take(order[:, :few]), readings, ground).merged(pool.take(order[:, few:]))
 
 
-def _nearest(task: Task, pool: Pool, readings: np.ndarray, ground: jax.Array) -> Pool:
+def _nearest(task: IdentificationTask, pool: Pool, readings: np.ndarray, ground: jax.Array) -> Pool:
     """The pool with amounts that come near the readings, as a mixture is shown.
 
     With errors of its paints' coefficients allowed, the most probable amounts may leave to those errors what other
@@ -217,7 +171,7 @@ def _nearest(task: Task, pool: Pool, readings: np.ndarray, ground: jax.Array) ->
     return _moved(pool, fitted)
 
 
-def _refit(task: Task, pool: Pool, readings: np.ndarray, ground: jax.Array) -> Pool:
+def _refit(task: IdentificationTask, pool: Pool, readings: np.ndarray, ground: jax.Array) -> Pool:
     """All of a pool, with the errors that its paints' coefficients cause where it stands."""
     sets, logs = _sets_and_logs(pool)
     slopes = np.asarray(coat_slopes(task.response, task.paints, sets, logs, ground))
@@ -253,13 +207,13 @@ def _add(pool: Pool | None, more: Pool) -> Pool:
     return more if pool is None else pool.merged(more)
 
 
-def _fit(task: Task, start: Start, ground: jax.Array, weights: Weights) -> Fitted:
+def _fit(task: IdentificationTask, start: SetStarts, ground: jax.Array, weights: Weights) -> Fitted:
     logs = jnp.asarray(np.clip(start.logs, np.log(LEAST), np.log(MOST)), float)
     return fit_sets(task.response, task.paints, jnp.asarray(start.sets), logs, ground, weights, task.middle)
 
 
 def _pool(
-    task: Task, sets: np.ndarray, fitted: Fitted, coats: np.ndarray | None = None, log_share: float = 0.0
+    task: IdentificationTask, sets: np.ndarray, fitted: Fitted, coats: np.ndarray | None = None, log_share: float = 0.0
 ) -> Pool:
     """Fitted candidates with room for three paints each."""
     size = sets.shape[-1]
@@ -276,8 +230,8 @@ def _pool(
 
 
 def _grown(
-    task: Task, pairs: np.ndarray, fitted: Fitted, readings: np.ndarray, ground: jax.Array
-) -> tuple[Start, Bool[np.ndarray, "spectra sets"]]:
+    task: IdentificationTask, pairs: np.ndarray, fitted: Fitted, readings: np.ndarray, ground: jax.Array
+) -> tuple[SetStarts, Bool[np.ndarray, "spectra sets"]]:
     """Sets of three from the most probable pairs, and whether each is the first of its kind."""
     rows = np.arange(len(pairs))[:, None]
     best = np.argsort(-np.asarray(fitted.log_evidence), axis=1)[:, :_GROWN_PAIRS]
@@ -293,11 +247,11 @@ def _grown(
     chosen = np.stack([np.resize(numbers, keep) for numbers in found])
     new = np.arange(keep) < np.asarray([len(numbers) for numbers in found])[:, None]
     logs = np.log(np.take_along_axis(tries, where[..., None, None], axis=2)[:, :, 0])
-    return Start(sets[rows, chosen], logs[rows, chosen]), new
+    return SetStarts(sets[rows, chosen], logs[rows, chosen]), new
 
 
 def _stacked(
-    task: Task, pool: Pool, looked_at: Pool, readings: np.ndarray, ground: jax.Array, weights: Weights
+    task: IdentificationTask, pool: Pool, looked_at: Pool, readings: np.ndarray, ground: jax.Array, weights: Weights
 ) -> Pool:
     """The pool with the best sets of two and three paints that were looked at as two coats too."""
     pool.log_weight[(pool.members != NOBODY).sum(axis=-1) > 1] += np.log1p(-task.prior.stacked)
@@ -319,7 +273,12 @@ def _stacked(
 
 
 def _fit_stacks(
-    task: Task, sets: np.ndarray, coats: np.ndarray, readings: np.ndarray, ground: jax.Array, weights: Weights
+    task: IdentificationTask,
+    sets: np.ndarray,
+    coats: np.ndarray,
+    readings: np.ndarray,
+    ground: jax.Array,
+    weights: Weights,
 ) -> Fitted:
     """Stacks with errors of their own."""
     films = task.paints, jnp.asarray(sets), jnp.asarray(coats)

@@ -1,8 +1,8 @@
-"""What `identify` is given, checked and brought to one shape."""
+"""What `identify` is given, checked and brought to one shape, and what the search for all spectra shares."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import NamedTuple, Self
 
 import numpy as np
 from jaxtyping import ArrayLike, Float, Int
@@ -10,8 +10,17 @@ from jaxtyping import ArrayLike, Float, Int
 from glazejax import Pigment
 from glazejax.spectra import validate_wavelengths
 
+from ..film.errors import Discrepancy, Prior, model_covariance, noise_covariance, whitening
+from ..film.films import Noise
+from ..film.optics import Optics
+from ..film.response import FilmResponse
+from .screen import Paints, sets_of
+
 _TOO_BRIGHT = 1.5
 """Above this a reflectance is a mistake, such as percent; below, it may be a highlight or a calibration."""
+
+# Of the errors that rank sets of paints before each is fitted.
+_TYPICAL_READING = 0.3
 
 UNSEEN_GROUND = 0.5
 """Ground under films that hide it."""
@@ -112,3 +121,46 @@ def check_pigments(pigments: Sequence[Pigment], wavelengths: Float[np.ndarray, "
         return [pigment.resample(wavelengths) for pigment in known]
     except ValueError as error:
         raise ValueError(f"the catalogue does not cover the spectra: {error}") from None
+
+
+class IdentificationTask(NamedTuple):
+    """What all spectra of an identification share."""
+
+    response: FilmResponse
+    paints: Paints
+    errors: Float[np.ndarray, "paints 2 bands"]  # relative, of the paints' k and s
+    wavelengths: Float[np.ndarray, "bands"]
+    optics: Optics
+    surface: float  # what a smooth surface adds to a reading
+    noise: Noise
+    discrepancy: Discrepancy
+    prior: Prior
+    max_paints: int
+    layers: int
+
+    @property
+    def known(self) -> int:
+        """Paints in the catalogue."""
+        return self.paints.absorption.shape[0]
+
+    @property
+    def middle(self) -> int:
+        """Scale of the discrepancy that is fitted with: the one nearest to 1."""
+        return int(np.argmin(np.abs(np.log(self.discrepancy.scales))))
+
+    def target(self, readings: Float[np.ndarray, "spectra grounds bands"]) -> Float[np.ndarray, "spectra readings"]:
+        """Readings without the mean surface."""
+        return (readings - self.discrepancy.gloss * self.surface).reshape(len(readings), -1)
+
+    def common_whitening(self, grounds: int) -> Float[np.ndarray, "readings readings"]:
+        """Of a reading of middling size, for the searches that only rank."""
+        sd = self.noise.sd(np.full((grounds, self.wavelengths.size), _TYPICAL_READING))
+        model = model_covariance(self.wavelengths, grounds, self.discrepancy, self.discrepancy.screening)
+        return whitening(noise_covariance(sd, self.surface, self.discrepancy) + model)[0]
+
+    def log_set(self, size: int) -> float:
+        """Log prior probability of one set of so many paints."""
+        sizes = np.asarray(self.prior.sizes[: self.max_paints])
+        return float(
+            np.log(sizes[size - 1] / sizes.sum() * (1.0 - self.prior.unknown)) - np.log(len(sets_of(self.known, size)))
+        )

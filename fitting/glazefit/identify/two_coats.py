@@ -6,15 +6,13 @@ each is tried at a coarse grid of amounts first.
 
 import functools
 import itertools
-from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from glazejax.radiative.stack import stack_hemispherical_reflectance, stack_reflectance_factor
-
+from ..film.optics import Optics
 from .fit import Fitted, Weights, fit_one
 from .screen import Paints
 
@@ -22,14 +20,6 @@ _TOLERANCE = 1e-4
 _SCREEN_TOLERANCE = 1e-2
 # Log amounts of each paint that a stack starts from, about the set's usual thickness.
 _STARTS = {2: np.log([0.03, 0.1, 0.3, 0.8, 2.0]), 3: np.log([0.05, 0.25, 1.0])}
-
-
-class Optics(NamedTuple):
-    """Cosines in air and refractive index; without a cosine of viewing, a sphere."""
-
-    cos_incidence: float
-    cos_viewing: float | None
-    refractive_index: float
 
 
 def orders(size: int) -> Int[np.ndarray, "orders size"]:
@@ -59,18 +49,7 @@ def stack_readings(
     """
     place = (coats[:, None] == jnp.arange(2)) * amounts[:, None]
     layers_k, layers_s = jnp.einsum("ml,mb->bl", place, k), jnp.einsum("ml,mb->bl", place, s)
-    depth = layers_k + layers_s + 1e-12
-    solver = stack_hemispherical_reflectance
-    if optics.cos_viewing is not None:
-        solver = functools.partial(stack_reflectance_factor, cos_viewing=optics.cos_viewing)
-    return solver(
-        layers_s / depth,
-        depth,
-        ground,
-        refractive_index=optics.refractive_index,
-        cos_incidence=optics.cos_incidence,
-        tolerance=tolerance,
-    )
+    return optics.body(layers_k, layers_s, ground, tolerance)
 
 
 @functools.partial(jax.jit, static_argnames=("optics", "middle"))

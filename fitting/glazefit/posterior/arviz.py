@@ -4,13 +4,14 @@ Walkers are ArviZ's chains. Lengths are in m, k d and s d optical thicknesses, r
 """
 
 import warnings
-from importlib.metadata import version
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
+from jaxtyping import Float
 
-if TYPE_CHECKING:
-    from .posterior import Posterior
+from ..film.reading import Reading
+from .problem import Problem
 
 # Draws whose spectra are kept.
 _SPECTRA = 400
@@ -24,13 +25,26 @@ def load_arviz() -> Any:
     return arviz
 
 
-def inference_data(posterior: "Posterior") -> Any:
+def inference_data(
+    problem: Problem,
+    films: Sequence[Reading],
+    draws: Mapping[str, Float[np.ndarray, "steps walkers blocks"]],
+    free: Float[np.ndarray, "steps walkers blocks dims"],
+    attributes: Mapping[str, Any],
+) -> Any:
     """Groups posterior, sample_stats, log_likelihood, posterior_predictive, observed_data and constant_data.
 
     The predictive group holds spectra without noise, of some draws; log-likelihoods are up to a constant.
+
+    Args:
+        problem: what was sampled.
+        films: as measured.
+        draws: of every reported quantity.
+        free: the same draws of the free unknowns.
+        attributes: of the whole and of the group posterior; NetCDF knows no booleans.
     """
     arviz = load_arviz()
-    problem, film = posterior.problem, posterior.films[0]
+    film = films[0]
     bands, single = problem.kind == "bands", len(problem.blocks) == 1
     block = "wavelength" if bands else "film"
     coords: dict[str, Any] = {
@@ -52,7 +66,7 @@ def inference_data(posterior: "Posterior") -> Any:
 
     variables: dict[str, np.ndarray] = {}
     fractions = []
-    for name, values in posterior.draws.items():
+    for name, values in draws.items():
         if name.startswith("fraction "):
             fractions.append((name.removeprefix("fraction "), values))
         else:
@@ -63,7 +77,6 @@ def inference_data(posterior: "Posterior") -> Any:
         variables["fraction"] = np.stack([by_block("fraction", values) for _, values in fractions], axis=-1)
         dims["fraction"] = [*dims.get("fraction", []), "paint"]
 
-    free = posterior.free
     flat = free.reshape(-1, *free.shape[2:])
     likelihood = problem.log_likelihood(flat).reshape(free.shape[:3])
     total = problem.log_probability(flat).reshape(free.shape[:3])
@@ -72,7 +85,7 @@ def inference_data(posterior: "Posterior") -> Any:
     reading_dims = ["wavelength", "ground"] if bands else ["film", "wavelength", "ground"]
 
     def each(what: str) -> np.ndarray:
-        values = np.stack([getattr(film, what) for film in posterior.films])
+        values = np.stack([getattr(film, what) for film in films])
         return values[0] if bands else values
 
     dims |= {name: reading_dims for name in ("reflectance", "ground_reflectance", "reflectance_sd")}
@@ -85,31 +98,6 @@ def inference_data(posterior: "Posterior") -> Any:
         constant_data={"ground_reflectance": each("ground"), "reflectance_sd": each("sd")},
         coords=coords,
         dims=dims,
-        attrs=_attributes(posterior),
-        posterior_attrs=_attributes(posterior),
+        attrs=attributes,
+        posterior_attrs=attributes,
     )
-
-
-def _attributes(posterior: "Posterior") -> dict[str, Any]:
-    """Convergence and where the draws come from; NetCDF knows no booleans."""
-    found: dict[str, Any] = {
-        "film": ", ".join(film.name for film in posterior.films),
-        "inference_library": "emcee" if posterior.chain is not None else "Laplace approximation",
-        "glazejax": version("glazejax"),
-        "converged": int(posterior.converged),
-        "convergence": posterior.words(),
-        "open_directions": "; ".join(posterior.identifiability.sentences) or "none",
-        "laplace_tail_index": [float(k) for k in posterior.laplace.tail],
-    }
-    state, chain = posterior.convergence, posterior.chain
-    if state is not None and chain is not None:
-        found |= {
-            "inference_library_version": version("emcee"),
-            "autocorrelation_time": [float(t) for t in state.times],
-            "effective_samples": [float(n) for n in state.samples],
-            "steps_kept": state.length,
-            "steps_discarded": state.discarded,
-            "thin": chain.thin,
-            "acceptance": chain.accepted,
-        }
-    return found

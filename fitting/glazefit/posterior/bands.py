@@ -20,10 +20,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..film.films import Instrument
+from ..film.least_squares import root_of_log1p
 from ..film.model import HIGHEST
 from ..film.reading import Reading
 from ..film.response import FilmResponse, film_response
-from .problem import Problem, Quantity, fingerprint, root_of_log1p
+from .problem import Problem, Quantity, fingerprint
 
 CLEAR = 0.01
 """Optical thickness below which a film is clear, and the prior falls off; it does so too above `HIGHEST`."""

@@ -32,6 +32,7 @@ from scipy.special import expit, polygamma
 from glazejax import Pigment
 
 from ..film.films import Instrument
+from ..film.least_squares import root_of_log1p
 from ..film.reading import Reading
 from ..film.response import FilmResponse, film_response
 from .bands import reading_parts
@@ -39,7 +40,6 @@ from .problem import (
     Problem,
     Quantity,
     fingerprint,
-    root_of_log1p,
     uniform_residual,
 )
 

@@ -16,12 +16,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ..film.errors import smooth_kernel
 from ..film.films import Instrument
 from ..film.reading import Reading
 from ..film.response import FilmResponse
 from .bands import join_bands, pose_bands
 from .film import FilmPrior, mixture, surface
-from .laplace import climb, find_modes
+from .laplace import Modes, climb, find_modes
 from .problem import Problem
 
 _ROUNDS = 4
@@ -61,17 +62,16 @@ def _slopes_at(logs: np.ndarray, ground: np.ndarray, table: FilmResponse) -> _Sl
 
 def pose_errors(
     problem: Problem, films: Sequence[Reading], instrument: Instrument, prior: FilmPrior, *, seed: int = 0
-) -> tuple[Problem, Float[np.ndarray, "blocks starts dims"]]:
-    """The problem of `glazefit.posterior.film.pose_films` with the model's error, and its modes, best first."""
-    away = np.sqrt(3.0) * np.abs(films[0].wavelengths[:, None] - films[0].wavelengths) / prior.error_length
-    smooth = (1.0 + away) * np.exp(-away)
+) -> tuple[Problem, Modes]:
+    """The problem of `glazefit.posterior.film.pose_films` with the model's error, and its modes."""
+    smooth = smooth_kernel(films[0].wavelengths, prior.error_length)
     first = _own_logs(films, instrument)
     problem = _expanded(problem, films, first, np.zeros_like(first), smooth)
     found = find_modes(problem, starts=_STARTS, seed=seed)
     for _ in range(_ROUNDS):
-        logs, delta = _likeliest(problem, found[:, 0], films, smooth)
+        logs, delta = _likeliest(problem, found.points[:, 0], films, smooth)
         problem = _expanded(problem, films, logs + delta, delta, smooth)
-        found = climb(problem, found)
+        found = climb(problem, found.points)
     return problem, found
 
 
@@ -80,7 +80,7 @@ def _own_logs(films: Sequence[Reading], instrument: Instrument) -> Float[np.ndar
     seen = instrument.seen_surface
     gloss = [0.5 * min(1.0, float(film.reflectance.min()) / seen) if seen else 1.0 for film in films]
     bands = join_bands([pose_bands(film, g, instrument) for film, g in zip(films, gloss, strict=True)])
-    free = find_modes(bands, starts=_STARTS)[:, 0].reshape(len(films), -1, 2)
+    free = find_modes(bands, starts=_STARTS).points[:, 0].reshape(len(films), -1, 2)
     return np.stack([free[..., 0] + free[..., 1], free[..., 1]], axis=1)
 
 

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Bool, Float
 
+from glazejax.spectra import ranges
+
 from ..recover.result import ABSOLUTE_LIMIT, RELATIVE_LIMIT
 
 OPEN = 0.25
@@ -113,8 +115,6 @@ def of_bands(
         optical: the same draws as k d and s d.
         wavelengths: nm.
     """
-    from ..recover.report import ranges
-
     shares, vectors, correlation = directions(free, prior)
     k, s, ratio = (_known(values) for values in (optical[..., 0], optical[..., 1], optical[..., 0] / optical[..., 1]))
     cases = (

@@ -1,6 +1,7 @@
 """Laplace's approximation: a Gaussian at each mode, with the curvature there, and a test of how good it is.
 
 Modes are found by least squares from the likeliest of many draws of the prior; a second mode counts by its own volume.
+Where least squares is stopped before it has settled, the mode counts as it stands, and is marked (`Laplace.settled`).
 Draws from the Gaussians are weighted by the true over the Gaussian density, the weights smoothed (Pareto-smoothed
 importance sampling), and drawn again by weight. Where the tail index of the weights is 0.7 or more that fails, and with
 it the approximation; there the Gaussians are left as they are and not to be trusted (Vehtari, Simpson, Gelman, Yao,
@@ -10,13 +11,13 @@ Gabry, JMLR 25 (2024) 72).
 import functools
 import warnings
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import optimistix as optx
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float, Int
 from scipy.special import logsumexp
 
 from ..film.least_squares import GramSchmidt
@@ -33,6 +34,13 @@ _WIDEST = 1.0
 _APART = 2.0
 
 
+class Modes(NamedTuple):
+    """Where least squares led from each start of each block, best first."""
+
+    points: Float[np.ndarray, "blocks starts dims"]
+    settled: Bool[np.ndarray, "blocks starts"]  # False where it was stopped
+
+
 @dataclass(frozen=True)
 class Laplace:
     """Gaussians in the free unknowns, up to three a block.
@@ -43,6 +51,7 @@ class Laplace:
         weights: share of the probability, (blocks, modes); 0 where there is no such mode.
         tail: Pareto index of the importance weights, (blocks,).
         sample: draws of the free unknowns, by weight where the index allows, (draws, blocks, dims).
+        settled: whether least squares came to an end at each mode, (blocks, modes); False where there is none.
     """
 
     modes: Float[np.ndarray, "blocks modes dims"]
@@ -50,6 +59,12 @@ class Laplace:
     weights: Float[np.ndarray, "blocks modes"]
     tail: Float[np.ndarray, "blocks"]
     sample: Float[np.ndarray, "draws blocks dims"]
+    settled: Bool[np.ndarray, "blocks modes"]
+
+    @property
+    def converged(self) -> Bool[np.ndarray, "blocks"]:
+        """Whether least squares came to an end at every mode that has a part of the probability."""
+        return np.all(self.settled | (self.weights == 0), axis=1)
 
     @property
     def trusted(self) -> np.ndarray:
@@ -81,17 +96,17 @@ class Laplace:
 
 
 @functools.partial(jax.jit, static_argnames=("residuals", "batch"))
-def _climb(residuals: Any, data: Any, shared: Any, starts: Float[Array, "blocks starts dims"], batch: int) -> Array:
-    """Modes from each start, (blocks, starts, dims)."""
+def _climb(residuals: Any, data: Any, shared: Any, starts: Float[Array, "blocks starts dims"], batch: int) -> Any:
+    """Where each start leads, (blocks, starts, dims), and whether it settled there, (blocks, starts)."""
 
-    def block(both: tuple[Any, Array]) -> Array:
+    def block(both: tuple[Any, Array]) -> tuple[Array, Array]:
         one, points = both
 
-        def climb(start: Array) -> Array:
+        def climb(start: Array) -> tuple[Array, Array]:
             found = optx.least_squares(
                 lambda free, _: residuals(free, one, shared), _SOLVER, start, max_steps=_STEPS, throw=False
             )
-            return found.value
+            return found.value, found.result == optx.RESULTS.successful
 
         return jax.vmap(climb)(points)
 
@@ -109,20 +124,20 @@ def _curvature(residuals: Any, data: Any, shared: Any, modes: Float[Array, "bloc
     return jax.lax.map(block, (data, modes), batch_size=batch)
 
 
-def find_modes(problem: Problem, *, starts: int = 8, seed: int = 0) -> Float[np.ndarray, "blocks starts dims"]:
+def find_modes(problem: Problem, *, starts: int = 8, seed: int = 0) -> Modes:
     """Where each start of each block ends, best first; a start is the likeliest of many draws of the prior."""
     return climb(problem, _starts(problem, starts, seed))
 
 
-def climb(problem: Problem, first: Float[np.ndarray, "blocks starts dims"]) -> Float[np.ndarray, "blocks starts dims"]:
+def climb(problem: Problem, first: Float[np.ndarray, "blocks starts dims"]) -> Modes:
     """Where least squares leads from some points, best first."""
     blocks, starts, _ = first.shape
     batch = max(1, problem.chunk * blocks // starts)
-    found = np.array(_climb(problem.residuals, problem.data, problem.shared, first, min(batch, blocks)))
+    climbed = _climb(problem.residuals, problem.data, problem.shared, first, min(batch, blocks))
+    found, settled = (np.asarray(a) for a in climbed)
     height = problem.log_probability(np.swapaxes(found, 0, 1)).T
     order = np.argsort(-np.nan_to_num(height, nan=-np.inf), axis=1)
-    found = np.take_along_axis(found, order[..., None], axis=1)
-    return found
+    return Modes(np.take_along_axis(found, order[..., None], axis=1), np.take_along_axis(settled, order, axis=1))
 
 
 def _starts(problem: Problem, starts: int, seed: int) -> Float[np.ndarray, "blocks starts dims"]:
@@ -134,41 +149,40 @@ def _starts(problem: Problem, starts: int, seed: int) -> Float[np.ndarray, "bloc
     return tried[(best + _DRAWS_A_START * np.arange(starts)[:, None]).T]
 
 
-def laplace(
-    problem: Problem, found: Float[np.ndarray, "blocks starts dims"], *, seed: int = 0, draws: int = 4000
-) -> Laplace:
+def laplace(problem: Problem, found: Modes, *, seed: int = 0, draws: int = 4000) -> Laplace:
     """Laplace's approximation of every block.
 
     Args:
         problem: what is sampled.
-        found: its modes, best first, as `find_modes` gives them.
+        found: its modes, as `find_modes` gives them.
         seed: of the draws.
         draws: how many are weighted and kept.
     """
-    blocks, starts, _ = found.shape
+    points = found.points
+    blocks, starts, _ = points.shape
     batch = min(blocks, max(1, problem.chunk * blocks // (starts * problem.dims)))
-    hessians = np.asarray(_curvature(problem.residuals, problem.data, problem.shared, found, batch))
+    hessians = np.asarray(_curvature(problem.residuals, problem.data, problem.shared, points, batch))
     covariances = _inverse(hessians, problem.prior_covariance)
-    height = problem.log_probability(np.swapaxes(found, 0, 1)).T
-    keep = _distinct(found, covariances, height)
-    modes = np.take_along_axis(found, keep.index[..., None], axis=1)
-    covariances = np.take_along_axis(covariances, keep.index[..., None, None], axis=1)
-    volume = np.take_along_axis(height, keep.index, axis=1) + 0.5 * np.linalg.slogdet(covariances)[1]
-    volume = np.where(keep.real, volume, -np.inf)
+    height = problem.log_probability(np.swapaxes(points, 0, 1)).T
+    chosen, real = _distinct(points, covariances, height)
+    modes = np.take_along_axis(points, chosen[..., None], axis=1)
+    covariances = np.take_along_axis(covariances, chosen[..., None, None], axis=1)
+    volume = np.take_along_axis(height, chosen, axis=1) + 0.5 * np.linalg.slogdet(covariances)[1]
+    volume = np.where(real, volume, -np.inf)
+    settled = np.take_along_axis(found.settled, chosen, axis=1) & real
     weights = np.exp(volume - logsumexp(volume, axis=1, keepdims=True))
-    first = Laplace(modes, covariances, weights, np.full(blocks, np.nan), np.empty((0, blocks, problem.dims)))
+    nothing = np.empty((0, blocks, problem.dims))
+    first = Laplace(modes, covariances, weights, np.full(blocks, np.nan), nothing, settled)
     tail, sample = _weighted(problem, first, draws, seed)
     return replace(first, tail=tail, sample=sample)
 
 
-@dataclass(frozen=True)
-class _Kept:
-    index: np.ndarray  # (blocks, modes)
-    real: np.ndarray  # whether there is such a mode
-
-
-def _distinct(found: np.ndarray, covariances: np.ndarray, height: np.ndarray) -> _Kept:
-    """The modes that differ from better ones, and are not hopelessly lower."""
+def _distinct(
+    found: Float[np.ndarray, "blocks starts dims"],
+    covariances: Float[np.ndarray, "blocks starts dims dims"],
+    height: Float[np.ndarray, "blocks starts"],
+) -> tuple[Int[np.ndarray, "blocks modes"], Bool[np.ndarray, "blocks modes"]]:
+    """Numbers of the modes that differ from better ones and are not hopelessly lower, and whether there is one."""
     blocks, starts, _ = found.shape
     precision = np.linalg.inv(covariances)
     index, real = np.zeros((blocks, _MODES), dtype=int), np.zeros((blocks, _MODES), dtype=bool)
@@ -182,7 +196,7 @@ def _distinct(found: np.ndarray, covariances: np.ndarray, height: np.ndarray) ->
             if not any(near) and len(kept) < _MODES:
                 kept.append(s)
         index[b, : len(kept)], real[b, : len(kept)] = kept, True
-    return _Kept(index, real)
+    return index, real
 
 
 def _inverse(hessians: np.ndarray, prior: np.ndarray) -> np.ndarray:

@@ -7,13 +7,15 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from glazejax.plots import ABSORPTION, OVER_BLACK, OVER_WHITE, SCATTERING, label_spectra, picture
+
 from .identifiability import only_ratio
 from .posterior import Posterior
 from .summary import LEVELS, Numbers
 
 SAMPLED, LAPLACE = "#1f4e9c", "#c8641e"
-_COLOURS = {"black": "#333333", "white": "#b8860b"}
-_ABSORPTION, _SCATTERING, _RATIO = "#8c2d04", "#08519c", "#2a6f4b"
+_COLOURS = {"black": OVER_BLACK, "white": OVER_WHITE}
+_RATIO = "#2a6f4b"
 # Standard deviations on either side that enclose 90 %.
 _NINETY = 1.645
 _MOST_DRAWS = 40_000
@@ -33,14 +35,14 @@ def shown(name: str, values: np.ndarray) -> tuple[str, np.ndarray]:
 
 def plot_corner(posterior: Posterior, path: str | Path) -> None:
     """Draw the unknowns of a film against each other, or k d against s d in some bands, to a file."""
-    figure = _corner_of_bands(posterior) if posterior.problem.kind == "bands" else _corner_of_film(posterior)
-    figure.savefig(path, dpi=110)
+    draw = _corner_of_bands if posterior.problem.kind == "bands" else _corner_of_film
+    draw(posterior, path)
 
 
 def plot_bands(posterior: Posterior, path: str | Path) -> None:
     """Draw what the posterior says along the spectrum, with bands of 90 %, to a file."""
-    figure = _optical_bands(posterior) if posterior.problem.kind == "bands" else _spectra_of_film(posterior)
-    figure.savefig(path, dpi=110)
+    draw = _optical_bands if posterior.problem.kind == "bands" else _spectra_of_film
+    draw(posterior, path)
 
 
 def _some(values: Float[np.ndarray, "*draws"]) -> Float[np.ndarray, "n"]:
@@ -54,9 +56,8 @@ def _subtitle(posterior: Posterior) -> str:
     return "the chain has converged" if posterior.converged else "NOT CONVERGED: the chain is too short"
 
 
-def _corner_of_film(posterior: Posterior) -> Any:
+def _corner_of_film(posterior: Posterior, path: str | Path) -> None:
     import corner
-    from matplotlib.figure import Figure
 
     names = [q.name for q in posterior.problem.quantities]
     # Two fractions are one and its complement; of more, each says something.
@@ -69,31 +70,30 @@ def _corner_of_film(posterior: Posterior) -> Any:
     limits = [tuple(np.quantile(column, (0.002, 0.995))) for column in both.T]
     limits = [(low, high) if high > low else (low - 1e-9, high + 1e-9) for low, high in limits]
     side = max(2.0 * len(names) + 1.5, 6.5)
-    figure = Figure(figsize=(side, side))
-    common = {"fig": figure, "range": limits, "levels": (0.5, 0.9), "plot_datapoints": False}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        corner.corner(
-            approximate, color=LAPLACE, bins=30, smooth=1.0, plot_density=False, no_fill_contours=True,
-            weights=np.full(len(approximate), len(draws) / len(approximate)), hist_kwargs={"lw": 1.2}, **common,
-        )  # fmt: skip
-        if posterior.chain is not None:
+    with picture(path, side, side, layout=None) as figure:
+        common = {"fig": figure, "range": limits, "levels": (0.5, 0.9), "plot_datapoints": False}
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
             corner.corner(
-                draws, color=SAMPLED, bins=30, smooth=1.0, labels=titles, show_titles=True,
-                quantiles=list(LEVELS), title_quantiles=list(LEVELS), title_fmt=".3g",
-                title_kwargs={"fontsize": 9}, label_kwargs={"fontsize": 10}, hist_kwargs={"lw": 1.4}, **common,
+                approximate, color=LAPLACE, bins=30, smooth=1.0, plot_density=False, no_fill_contours=True,
+                weights=np.full(len(approximate), len(draws) / len(approximate)), hist_kwargs={"lw": 1.2}, **common,
             )  # fmt: skip
-    count = len(names)
-    axes = np.array(figure.axes[: count * count]).reshape(count, count)
-    for i in range(count):
-        low, middle, high = np.quantile(draws[:, i], LEVELS)
-        axes[i, i].set_title(f"{titles[i]}\n{middle:.3g}  [{low:.3g}, {high:.3g}]", fontsize=9)
-        axes[i, i].set_ylim(0, 1.08 * axes[i, i].dataLim.y1)
-        axes[-1, i].set_xlabel(titles[i], fontsize=9)
-        if i:
-            axes[i, 0].set_ylabel(titles[i], fontsize=9)
-    _legend(figure, posterior)
-    return figure
+            if posterior.chain is not None:
+                corner.corner(
+                    draws, color=SAMPLED, bins=30, smooth=1.0, labels=titles, show_titles=True,
+                    quantiles=list(LEVELS), title_quantiles=list(LEVELS), title_fmt=".3g",
+                    title_kwargs={"fontsize": 9}, label_kwargs={"fontsize": 10}, hist_kwargs={"lw": 1.4}, **common,
+                )  # fmt: skip
+        count = len(names)
+        axes = np.array(figure.axes[: count * count]).reshape(count, count)
+        for i in range(count):
+            low, middle, high = np.quantile(draws[:, i], LEVELS)
+            axes[i, i].set_title(f"{titles[i]}\n{middle:.3g}  [{low:.3g}, {high:.3g}]", fontsize=9)
+            axes[i, i].set_ylim(0, 1.08 * axes[i, i].dataLim.y1)
+            axes[-1, i].set_xlabel(titles[i], fontsize=9)
+            if i:
+                axes[i, 0].set_ylabel(titles[i], fontsize=9)
+        _legend(figure, posterior)
 
 
 def _legend(figure: Any, posterior: Posterior) -> None:
@@ -103,84 +103,79 @@ def _legend(figure: Any, posterior: Posterior) -> None:
     if posterior.chain is not None:
         lines.insert(0, Line2D([], [], color=SAMPLED, label="emcee"))
     figure.legend(
-        handles=lines, loc="upper right", frameon=False, fontsize=10,
+        handles=lines, loc="upper right", fontsize=10,
         title=f"{posterior.films[0].name}\nmedian [5 %, 95 %]; contours of 50 and 90 %\n{_subtitle(posterior)}",
         title_fontsize=10, alignment="left",
     )  # fmt: skip
 
 
-def _corner_of_bands(posterior: Posterior) -> Any:
+def _corner_of_bands(posterior: Posterior, path: str | Path) -> None:
     """Small panels of k d against s d: bands along the spectrum, and those where Laplace is farthest off."""
     import corner
-    from matplotlib.figure import Figure
 
     names = ("absorption", "scattering")
     count = len(posterior.problem.blocks)
     spread = np.linspace(0, count - 1, _BANDS_DRAWN // 2 + 2).round().astype(int)[1:-1]
     worst = [b for b in np.argsort(-posterior.laplace.tail) if b not in spread]
     chosen = sorted({*spread.tolist(), *(int(b) for b in worst[: _BANDS_DRAWN - len(set(spread))])})
-    figure = Figure(figsize=(10.5, 7), layout="constrained")
-    panels = figure.subplots(2, 3).ravel()
-    for panel, b in zip(panels, chosen, strict=False):
-        x, y = (np.log10(_some(posterior.draws[n][..., b])) for n in names)
-        u, v = (np.log10(posterior.laplace_draws[n][:, b]) for n in names)
-        limits = [tuple(np.quantile(np.concatenate(both), (0.002, 0.998))) for both in ((x, u), (y, v))]
-        options = {"ax": panel, "bins": 40, "smooth": 1.0, "levels": (0.5, 0.9), "range": limits}
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
-            corner.hist2d(
-                u, v, color=LAPLACE, plot_datapoints=False, plot_density=False, no_fill_contours=True, **options
-            )
-            if posterior.chain is not None:
-                corner.hist2d(x, y, color=SAMPLED, plot_datapoints=False, **options)
-        tail = posterior.laplace.tail[b]
-        panel.set_title(f"{posterior.problem.blocks[b]}, Laplace's tail index {tail:.2f}", fontsize=9)
-        panel.set(xlabel="log10 k d", ylabel="log10 s d")
-    for panel in panels[len(chosen) :]:
-        panel.set_axis_off()
-    figure.suptitle(
-        f"{posterior.films[0].name}: contours of 50 and 90 %, emcee blue, Laplace orange; {_subtitle(posterior)}",
-        fontsize=10,
-    )
-    return figure
+    with picture(path, 10.5, 7) as figure:
+        panels = figure.subplots(2, 3).ravel()
+        for panel, b in zip(panels, chosen, strict=False):
+            x, y = (np.log10(_some(posterior.draws[n][..., b])) for n in names)
+            u, v = (np.log10(posterior.laplace_draws[n][:, b]) for n in names)
+            limits = [tuple(np.quantile(np.concatenate(both), (0.002, 0.998))) for both in ((x, u), (y, v))]
+            options = {"ax": panel, "bins": 40, "smooth": 1.0, "levels": (0.5, 0.9), "range": limits}
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                corner.hist2d(
+                    u, v, color=LAPLACE, plot_datapoints=False, plot_density=False, no_fill_contours=True, **options
+                )
+                if posterior.chain is not None:
+                    corner.hist2d(x, y, color=SAMPLED, plot_datapoints=False, **options)
+            tail = posterior.laplace.tail[b]
+            panel.set_title(f"{posterior.problem.blocks[b]}, Laplace's tail index {tail:.2f}", fontsize=9)
+            panel.set(xlabel="log10 k d", ylabel="log10 s d")
+        for panel in panels[len(chosen) :]:
+            panel.set_axis_off()
+        figure.suptitle(
+            f"{posterior.films[0].name}: contours of 50 and 90 %, emcee blue, Laplace orange; {_subtitle(posterior)}",
+            fontsize=10,
+        )
 
 
-def _spectra_of_film(posterior: Posterior) -> Any:
+def _spectra_of_film(posterior: Posterior, path: str | Path) -> None:
     """Measured and fitted spectra, and their differences beside what noise and model error allow."""
-    from matplotlib.figure import Figure
-
     film, grid = posterior.films[0], posterior.films[0].wavelengths
     flat = posterior.free.reshape(-1, *posterior.free.shape[2:])
     some = flat[:: max(1, len(flat) // 400)]
     low, middle, high = np.quantile(posterior.problem.readings(some)[:, 0], LEVELS, axis=0)
     allowed = _reading_sd(posterior, some)
-    figure = Figure(figsize=(11, 4.4), layout="constrained")
-    spectra, residuals = figure.subplots(1, 2)
-    for g, ground in enumerate(film.grounds):
-        colour = _COLOURS.get(ground, SAMPLED)
-        measured = film.reflectance[:, g]
-        spectra.plot(grid, measured, "o", color=colour, ms=4, mfc="none", label=f"over {ground}, measured")
-        spectra.plot(grid, middle[:, g], "-", color=colour, lw=1.2, label=f"over {ground}, median of the fit")
-        spectra.fill_between(grid, low[:, g], high[:, g], color=colour, alpha=0.3, lw=0)
-        residuals.plot(
-            grid, measured - middle[:, g], "o-", color=colour, ms=3, lw=1, label=f"over {ground}: measured - fit"
+    with picture(path, 11, 4.4) as figure:
+        spectra, residuals = figure.subplots(1, 2)
+        for g, ground in enumerate(film.grounds):
+            colour = _COLOURS.get(ground, SAMPLED)
+            measured = film.reflectance[:, g]
+            spectra.plot(grid, measured, "o", color=colour, ms=4, mfc="none", label=f"over {ground}, measured")
+            spectra.plot(grid, middle[:, g], "-", color=colour, lw=1.2, label=f"over {ground}, median of the fit")
+            spectra.fill_between(grid, low[:, g], high[:, g], color=colour, alpha=0.3, lw=0)
+            residuals.plot(
+                grid, measured - middle[:, g], "o-", color=colour, ms=3, lw=1, label=f"over {ground}: measured - fit"
+            )
+            residuals.plot(grid, _NINETY * allowed[:, g], ":", color=colour, lw=1)
+            bound = None if g else "90 % by noise and model error"
+            residuals.plot(grid, -_NINETY * allowed[:, g], ":", color=colour, lw=1, label=bound)
+        noise = _NINETY * film.sd.max(axis=1)
+        residuals.fill_between(
+            grid, -noise, noise, color="0.6", alpha=0.35, lw=0, label="90 % by the instrument's noise"
         )
-        residuals.plot(grid, _NINETY * allowed[:, g], ":", color=colour, lw=1)
-        bound = None if g else "90 % by noise and model error"
-        residuals.plot(grid, -_NINETY * allowed[:, g], ":", color=colour, lw=1, label=bound)
-    noise = _NINETY * film.sd.max(axis=1)
-    residuals.fill_between(grid, -noise, noise, color="0.6", alpha=0.35, lw=0, label="90 % by the instrument's noise")
-    spectra.set(
-        xlabel="wavelength (nm)", ylabel="reflectance", ylim=(0, 1.25 * max(film.reflectance.max(), high.max()))
-    )
-    spectra.legend(frameon=False, fontsize=8)
-    spectra.set_title(f"{film.name}: {_mixture(posterior)}", fontsize=10)
-    residuals.axhline(0, color="0.7", lw=0.8)
-    low, high = residuals.get_ylim()
-    residuals.set(xlabel="wavelength (nm)", ylabel="difference in reflectance", ylim=(low, high + 0.45 * (high - low)))
-    residuals.legend(frameon=False, fontsize=8, loc="upper left")
-    residuals.set_title(_subtitle(posterior), fontsize=10)
-    return figure
+        label_spectra(spectra, ylim=(0, 1.25 * max(film.reflectance.max(), high.max())))
+        spectra.legend()
+        spectra.set_title(f"{film.name}: {_mixture(posterior)}")
+        residuals.axhline(0, color="0.7", lw=0.8)
+        low, high = residuals.get_ylim()
+        label_spectra(residuals, "difference in reflectance", ylim=(low, high + 0.45 * (high - low)))
+        residuals.legend(loc="upper left")
+        residuals.set_title(_subtitle(posterior))
 
 
 def _mixture(posterior: Posterior) -> str:
@@ -200,39 +195,36 @@ def _reading_sd(posterior: Posterior, free: Float[np.ndarray, "draws 1 dims"]) -
     return np.sqrt(np.einsum("ij,j,ij->i", back, scale, back)).reshape(posterior.films[0].reflectance.shape)
 
 
-def _optical_bands(posterior: Posterior) -> Any:
+def _optical_bands(posterior: Posterior, path: str | Path) -> None:
     """k d and s d, and their ratio, with bands of 90 % by emcee and by Laplace."""
-    from matplotlib.figure import Figure
-
     film, grid = posterior.films[0], posterior.films[0].wavelengths
     count = grid.size
     draws = {name: Numbers.of(v.reshape(-1, count)) for name, v in posterior.draws.items()}
     rough = {name: Numbers.of(v) for name, v in posterior.laplace_draws.items()}
-    figure = Figure(figsize=(11, 4.4), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    for panel, name, colour, label in (
-        (left, "absorption", _ABSORPTION, "k d"),
-        (left, "scattering", _SCATTERING, "s d"),
-        (right, "ratio", _RATIO, "k/s"),
-    ):
-        found = draws[name]
-        panel.plot(grid, found.median, "-o", color=colour, ms=3, lw=1.2, label=f"{label}, median")
-        panel.fill_between(grid, found.lower, found.upper, color=colour, alpha=0.25, lw=0)
-        if posterior.chain is not None:
-            for n, edge in enumerate((rough[name].lower, rough[name].upper)):
-                panel.plot(grid, edge, "--", color=colour, lw=0.9, label=None if n else f"{label}, 90 % by Laplace")
-        panel.set(xlabel="wavelength (nm)", yscale="log")
-    low = min(draws[n].median.min() for n in ("absorption", "scattering"))
-    high = max(draws[n].upper.max() for n in ("absorption", "scattering"))
-    left.set(ylabel="optical thickness", ylim=(low / 10, high * 2))
-    right.set(ylabel="k/s", ylim=(draws["ratio"].median.min() / 3, draws["ratio"].median.max() * 3))
-    shade = only_ratio(*(posterior.draws[n].reshape(-1, count) for n in ("absorption", "scattering")))
-    _shade(left, grid, shade, "only k/s is known")
-    left.legend(frameon=False, fontsize=8)
-    right.legend(frameon=False, fontsize=8)
-    left.set_title(f"{film.name}: bands of 90 %", fontsize=10)
-    right.set_title(_subtitle(posterior), fontsize=10)
-    return figure
+    with picture(path, 11, 4.4) as figure:
+        left, right = figure.subplots(1, 2)
+        for panel, name, colour, label in (
+            (left, "absorption", ABSORPTION, "k d"),
+            (left, "scattering", SCATTERING, "s d"),
+            (right, "ratio", _RATIO, "k/s"),
+        ):
+            found = draws[name]
+            panel.plot(grid, found.median, "-o", color=colour, ms=3, lw=1.2, label=f"{label}, median")
+            panel.fill_between(grid, found.lower, found.upper, color=colour, alpha=0.25, lw=0)
+            if posterior.chain is not None:
+                for n, edge in enumerate((rough[name].lower, rough[name].upper)):
+                    panel.plot(grid, edge, "--", color=colour, lw=0.9, label=None if n else f"{label}, 90 % by Laplace")
+        low = min(draws[n].median.min() for n in ("absorption", "scattering"))
+        high = max(draws[n].upper.max() for n in ("absorption", "scattering"))
+        label_spectra(left, "optical thickness", yscale="log", ylim=(low / 10, high * 2))
+        low, high = draws["ratio"].median.min(), draws["ratio"].median.max()
+        label_spectra(right, "k/s", yscale="log", ylim=(low / 3, high * 3))
+        shade = only_ratio(*(posterior.draws[n].reshape(-1, count) for n in ("absorption", "scattering")))
+        _shade(left, grid, shade, "only k/s is known")
+        left.legend()
+        right.legend()
+        left.set_title(f"{film.name}: bands of 90 %")
+        right.set_title(_subtitle(posterior))
 
 
 def _shade(panel: Any, grid: np.ndarray, chosen: np.ndarray, label: str) -> None:

@@ -10,6 +10,7 @@ ArviZ, emcee and h5py are loaded when a posterior is computed, not before.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from importlib.metadata import version
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +26,7 @@ from .bands import pose_bands
 from .film import FilmPrior, pose_films
 from .film_errors import pose_errors
 from .identifiability import Identifiability, of_bands, of_paints
-from .laplace import Laplace, find_modes, laplace
+from .laplace import Laplace, Modes, find_modes, laplace
 from .problem import Problem
 from .summary import Row, compare, numbers
 
@@ -139,7 +140,33 @@ class Posterior:
         """The posterior as ArviZ's InferenceData; see `glazefit.posterior.arviz`."""
         from .arviz import inference_data
 
-        return inference_data(self)
+        return inference_data(self.problem, self.films, self.draws, self.free, _attributes(self))
+
+
+def _attributes(posterior: Posterior) -> dict[str, Any]:
+    """Convergence and where the draws come from, as NetCDF takes it, which knows no booleans."""
+    found: dict[str, Any] = {
+        "film": ", ".join(film.name for film in posterior.films),
+        "inference_library": "emcee" if posterior.chain is not None else "Laplace approximation",
+        "glazejax": version("glazejax"),
+        "converged": int(posterior.converged),
+        "convergence": posterior.words(),
+        "open_directions": "; ".join(posterior.identifiability.sentences) or "none",
+        "laplace_tail_index": [float(k) for k in posterior.laplace.tail],
+        "laplace_modes_settled": int(posterior.laplace.converged.all()),
+    }
+    state, chain = posterior.convergence, posterior.chain
+    if state is not None and chain is not None:
+        found |= {
+            "inference_library_version": version("emcee"),
+            "autocorrelation_time": [float(t) for t in state.times],
+            "effective_samples": [float(n) for n in state.samples],
+            "steps_kept": state.length,
+            "steps_discarded": state.discarded,
+            "thin": chain.thin,
+            "acceptance": chain.accepted,
+        }
+    return found
 
 
 def unknowns_in_words(problem: Problem) -> tuple[str, ...]:
@@ -190,8 +217,10 @@ def posterior_of_film(
     reading = one_reading(film, instrument, noise or Noise())
     problem = pose_films([reading], [paints], instrument, prior)
     problem, found = pose_errors(problem, [reading], instrument, prior, seed=seed)
-    options = {"steps": steps, "walkers": walkers, "thin": thin, "seed": seed, "progress": progress}
-    return sample(problem, (reading,), found, path=path, resume=resume, overwrite=overwrite, **options)
+    return sample(
+        problem, (reading,), found, steps=steps, walkers=walkers, thin=thin, seed=seed, path=path, resume=resume,
+        overwrite=overwrite, progress=progress,
+    )  # fmt: skip
 
 
 def posterior_of_bands(
@@ -226,14 +255,16 @@ def posterior_of_bands(
         gloss = float(estimate_gloss(film, instrument, noise)[0]) if isinstance(film, Films) else 1.0
     problem = pose_bands(reading, gloss, instrument)
     found = find_modes(problem, seed=seed)
-    options = {"steps": steps, "walkers": walkers, "thin": thin, "seed": seed, "progress": progress}
-    return sample(problem, (reading,), found, path=path, resume=resume, overwrite=overwrite, **options)
+    return sample(
+        problem, (reading,), found, steps=steps, walkers=walkers, thin=thin, seed=seed, path=path, resume=resume,
+        overwrite=overwrite, progress=progress,
+    )  # fmt: skip
 
 
 def sample(
     problem: Problem,
     films: tuple[Reading, ...],
-    found: Float[np.ndarray, "blocks starts dims"],
+    found: Modes,
     *,
     steps: int,
     walkers: int,

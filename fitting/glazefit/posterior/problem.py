@@ -142,14 +142,6 @@ def fingerprint(*parts: Any) -> str:
     return digest.hexdigest()
 
 
-def root_of_log1p(root: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """Square root of log(1 + x^2), smooth through x = 0: a log-determinant as a residual."""
-    square = root**2
-    small = square < 1e-6
-    safe = jnp.where(small, 1.0, square)
-    return root * jnp.where(small, 1.0 - square / 4.0, jnp.sqrt(jnp.log1p(safe) / safe))
-
-
 def uniform_residual(free: Float[Array, "*n"]) -> Float[Array, "*n"]:
     """Residual of an unknown whose sigmoid is uniform in [0, 1]: the logistic density."""
     return jnp.sqrt(-2.0 * (jax.nn.log_sigmoid(free) + jax.nn.log_sigmoid(-free)))

@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.table import Table
 
 from glazejax.io import write_table
+from glazejax.report import plain_table
 
 from .laplace import TRUSTED_TAIL
 from .plots import shown
@@ -25,6 +26,8 @@ def print_posterior(posterior: Posterior, console: Console) -> None:
     if not posterior.identifiability.sentences:
         console.print("The measurement narrows every unknown; none is left open.")
     console.print(_laplace(posterior, rows))
+    if words := unsettled(posterior):
+        console.print(f"[yellow]{words}[/yellow]")
     colour = "green" if posterior.converged else "yellow"
     words = posterior.words()
     console.print(f"[{colour}]{words[0].upper()}{words[1:]}.[/{colour}]")
@@ -32,12 +35,8 @@ def print_posterior(posterior: Posterior, console: Console) -> None:
 
 def _film(posterior: Posterior, rows: list[Row]) -> Table:
     sampled = posterior.chain is not None
-    table = Table(title=f"{posterior.films[0].name}: median [5 %, 95 %]", title_justify="left", box=None)
-    table.add_column("", no_wrap=True)
-    titles = ("emcee", "sd", "Laplace", "sd") if sampled else ("Laplace", "sd")
-    for title in titles:
-        table.add_column(title, justify="right", no_wrap=True)
-    table.add_column("Laplace" if sampled else "its own test")
+    titles = ("emcee", "sd", "Laplace", "sd", "Laplace") if sampled else ("Laplace", "sd", "its own test")
+    table = plain_table("", *titles, title=_title(posterior), words=(0, len(titles)))
     for row in rows:
         title = shown(row.quantity, np.zeros(1))[0]
         scale = float(shown(row.quantity, np.ones(1))[1][0])
@@ -49,16 +48,18 @@ def _film(posterior: Posterior, rows: list[Row]) -> Table:
     return table
 
 
+def _title(posterior: Posterior) -> str:
+    return f"{posterior.films[0].name}: median [5 %, 95 %]"
+
+
 def _interval(median: float, lower: float, upper: float, scale: float = 1.0) -> str:
     return f"{scale * median:.3g} [{scale * lower:.3g}, {scale * upper:.3g}]"
 
 
 def _bands(posterior: Posterior, rows: list[Row]) -> Table:
     sampled = posterior.chain is not None
-    table = Table(title=f"{posterior.films[0].name}: median [5 %, 95 %]", title_justify="left", box=None)
-    for title in ("band", "k d", "s d", "k/s", *(("ESS",) if sampled else ())):
-        table.add_column(title, justify="right", no_wrap=True)
-    table.add_column("Laplace" if sampled else "its own test")
+    last = ("ESS", "Laplace") if sampled else ("its own test",)
+    table = plain_table("band", "k d", "s d", "k/s", *last, title=_title(posterior), words=(3 + len(last),))
     for block in posterior.problem.blocks:
         mine = {row.quantity: row for row in rows if row.block == block}
         cells = [_interval(r.median, r.lower, r.upper) for r in mine.values()]
@@ -67,6 +68,16 @@ def _bands(posterior: Posterior, rows: list[Row]) -> Table:
         samples = [f"{next(iter(mine.values())).effective_samples:.0f}"] if sampled else []
         table.add_row(block.removesuffix(" nm"), *cells, *samples, ", ".join(others) or words[0])
     return table
+
+
+def unsettled(posterior: Posterior) -> str:
+    """A sentence on the blocks at whose modes least squares was stopped; empty if there are none."""
+    blocks = np.asarray(posterior.problem.blocks)[~posterior.laplace.converged]
+    if not blocks.size:
+        return ""
+    return (
+        f"Least squares stopped before it had settled at the mode of {', '.join(blocks)}: Laplace's errors may be off."
+    )
 
 
 def _laplace(posterior: Posterior, rows: list[Row]) -> str:

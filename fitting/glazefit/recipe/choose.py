@@ -10,8 +10,9 @@ from jaxtyping import Float
 
 from glazejax.colour import delta_e_2000
 
-from .bench import Bench, Optics, lab_of, readings
-from .screen import Aims, Stacks
+from ..film.optics import Optics
+from .model import StackModel, lab_of, readings
+from .screen import Stacks, TargetArrays
 
 IN_GAMUT = 1.0
 """A target counts as reached below this Delta E 2000."""
@@ -32,12 +33,14 @@ class Scored:
         reading: (bands,), what the instrument reads.
         delta_e: (lights,), Delta E 2000.
         score: root of mean squared Delta E and of the penalty for another spectrum.
+        settled: whether least squares came to an end for its amounts.
     """
 
     sizes: Float[np.ndarray, "coats paints"]
     reading: Float[np.ndarray, "bands"]
     delta_e: Float[np.ndarray, "lights"]
     score: float
+    settled: bool
     paints: frozenset[int] = field(init=False)
     coats: int = field(init=False)
 
@@ -60,35 +63,35 @@ class Scored:
         return not self.distance < IN_GAMUT, self.score + simplicity * (len(self.paints) + self.coats)
 
 
-def score(bench: Bench, optics: Optics, aims: Aims, stacks: Stacks) -> list[Scored]:
+def score(model: StackModel, optics: Optics, aims: TargetArrays, stacks: Stacks) -> list[Scored]:
     """Stacks as the solver sees them, with Delta E 2000 by colour-science."""
-    reading = readings(bench, stacks.sizes, optics)
-    reached = np.asarray(lab_of(bench, jnp.asarray(reading)))
+    reading = readings(model, stacks.sizes, optics)
+    reached = np.asarray(lab_of(model, jnp.asarray(reading)))
     delta_e = delta_e_2000(reached, np.asarray(aims.lab)[stacks.target])
     miss = reading - np.asarray(aims.spectrum)[stacks.target]
     spectral = np.asarray(aims.spectral)[stacks.target] * np.sum(miss**2, axis=-1)
     total = np.sqrt(np.mean(delta_e**2, axis=-1) + spectral)
-    rows = zip(stacks.sizes, reading, delta_e, total.tolist(), strict=True)
+    rows = zip(stacks.sizes, reading, delta_e, total.tolist(), stacks.settled.tolist(), strict=True)
     return [Scored(*row) for row in rows]
 
 
-def simplified(bench: Bench, stacks: Stacks) -> Stacks:
+def simplified(model: StackModel, stacks: Stacks) -> Stacks:
     """Stacks without the paints that are hardly in them and the coats that hardly show: fewer, to be refined again."""
     share = stacks.sizes / np.maximum(stacks.sizes.sum(axis=2, keepdims=True), 1e-12)
     sizes = np.where(share < _LITTLE, 0.0, stacks.sizes)
-    whole = _first_lab(bench, sizes)
+    whole = _first_lab(model, sizes)
     for coat in range(sizes.shape[1]):
         without = sizes.copy()
         without[:, coat] = 0.0
-        unseen = delta_e_2000(_first_lab(bench, without), whole) < _UNSEEN
+        unseen = delta_e_2000(_first_lab(model, without), whole) < _UNSEEN
         unseen &= without.any(axis=(1, 2)) & sizes[:, coat].any(axis=1)
         sizes[unseen] = without[unseen]
     changed = np.flatnonzero(((sizes > 0) != (stacks.sizes > 0)).any(axis=(1, 2)))
-    return Stacks(packed(sizes[changed]), stacks.target[changed], stacks.cost[changed])
+    return Stacks.unrefined(packed(sizes[changed]), stacks.target[changed], stacks.cost[changed])
 
 
-def _first_lab(bench: Bench, sizes: Float[np.ndarray, "n coats paints"]) -> Float[np.ndarray, "n 3"]:
-    return np.asarray(lab_of(bench, jnp.asarray(readings(bench, sizes, None))))[:, 0]
+def _first_lab(model: StackModel, sizes: Float[np.ndarray, "n coats paints"]) -> Float[np.ndarray, "n 3"]:
+    return np.asarray(lab_of(model, jnp.asarray(readings(model, sizes, None))))[:, 0]
 
 
 def packed(sizes: Float[np.ndarray, "n coats paints"]) -> Float[np.ndarray, "n coats paints"]:
@@ -151,12 +154,12 @@ def _round_coats(coat: Float[np.ndarray, "paints"], total: float, span: tuple[fl
 
 
 def rounded(
-    bench: Bench, optics: Optics, aims: Aims, chosen: Sequence[tuple[int, Scored]], simplicity: float
+    model: StackModel, optics: Optics, aims: TargetArrays, chosen: Sequence[tuple[int, Scored]], simplicity: float
 ) -> list[Scored]:
     """Each recipe, given with its target, in the round numbers that come nearest."""
-    low, high = np.exp(np.asarray(bench.span)).tolist()
+    low, high = np.exp(np.asarray(model.span)).tolist()
     options = [roundings(one.sizes, (low, high)) for _, one in chosen]
     targets = np.repeat([target for target, _ in chosen], [len(some) for some in options])
     flat = packed(np.stack([sizes for some in options for sizes in some]))
-    results = iter(score(bench, optics, aims, Stacks(flat, targets, np.zeros(len(flat)))))
+    results = iter(score(model, optics, aims, Stacks.unrefined(flat, targets, np.zeros(len(flat)))))
     return [min((next(results) for _ in some), key=lambda one: one.effort(simplicity)) for some in options]

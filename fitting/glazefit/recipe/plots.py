@@ -2,7 +2,9 @@
 
 import textwrap
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from glazejax.plots import EDGE, FAINT, INK, style
 
 from .recipe import Recipe
 from .report import describe_coat, recipe_hex, target_hex
@@ -11,16 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_INK, _FAINT, _TARGET = "#26221e", "#7d766e", "#a9a29a"
-_STYLE: dict[Any, Any] = {
-    "text.color": _INK,
-    "axes.edgecolor": _FAINT,
-    "axes.labelcolor": _INK,
-    "xtick.color": _FAINT,
-    "ytick.color": _FAINT,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-}
+_TARGET = "#a9a29a"
 # Inches: a cell, its text below and its title above, and the margins of the figure.
 _WIDTH, _SWATCH, _CURVES, _TEXT, _TITLE = 3.0, 0.8, 1.15, 1.02, 0.34
 _LEFT, _TOP, _BOTTOM = 0.55, 0.95, 0.3
@@ -37,7 +30,6 @@ def recipe_figure(recipes: Sequence[Recipe], *, titles: Sequence[str], heading: 
     Returns:
         A matplotlib figure; save it with ``.savefig(path, dpi=100)``.
     """
-    from matplotlib import rc_context
     from matplotlib.figure import Figure
 
     columns = min(len(recipes), 6 if len(recipes) > 10 else 5)
@@ -45,12 +37,12 @@ def recipe_figure(recipes: Sequence[Recipe], *, titles: Sequence[str], heading: 
     cell = _TITLE + _SWATCH + _CURVES + _TEXT
     width = max(_LEFT + columns * _WIDTH + 0.1, 9.5)
     height = _TOP + rows * cell + _BOTTOM
-    with rc_context(_STYLE):
-        figure = Figure(figsize=(width, height), facecolor="white")
+    with style():
+        figure = Figure(figsize=(width, height))
         figure.text(0.25 / width, 1 - 0.34 / height, heading, fontsize=20, fontweight="bold", va="center")
         # A letter is about half as wide as it is high.
         size = min(12.0, 72.0 * (width - 0.5) / (0.53 * len(subtitle)))
-        figure.text(0.25 / width, 1 - 0.68 / height, subtitle, fontsize=size, color=_FAINT, va="center")
+        figure.text(0.25 / width, 1 - 0.68 / height, subtitle, fontsize=size, color=FAINT, va="center")
         for number, (recipe, title) in enumerate(zip(recipes, titles, strict=True)):
             row, column = divmod(number, columns)
             left, top = _LEFT + column * _WIDTH, height - _TOP - row * cell
@@ -81,12 +73,12 @@ def _draw_swatch(axes: "Axes", recipe: Recipe, title: str) -> None:
     for x, shade in ((0, target_hex(recipe)), (1, recipe_hex(recipe))):
         # An edge of its own colour closes the hairline between the two halves.
         axes.add_patch(Rectangle((x, 0), 1, 1, facecolor=shade, edgecolor=shade, lw=0.6))
-    axes.add_patch(Rectangle((0, 0), 2, 1, fill=False, edgecolor="#cfc8bf", lw=0.8, clip_on=False))
+    axes.add_patch(Rectangle((0, 0), 2, 1, fill=False, edgecolor=EDGE, lw=0.8, clip_on=False))
     # Where the halves meet, since a good recipe hides it.
-    axes.plot([1, 1], [-0.07, 0.0], color=_FAINT, lw=0.8, clip_on=False)
-    axes.plot([1, 1], [1.0, 1.07], color=_FAINT, lw=0.8, clip_on=False)
+    axes.plot([1, 1], [-0.07, 0.0], color=FAINT, lw=0.8, clip_on=False)
+    axes.plot([1, 1], [1.0, 1.07], color=FAINT, lw=0.8, clip_on=False)
     axes.text(0, 1.06, title, fontsize=12, fontweight="bold", va="bottom")
-    mark = _INK if recipe.distance < 1 else "#b3261e"
+    mark = INK if recipe.distance < 1 else "#b3261e"
     axes.text(2, 1.06, f"ΔE {recipe.distance:.2f}", fontsize=11, ha="right", va="bottom", color=mark)
 
 
@@ -95,7 +87,7 @@ def _draw_spectra(axes: "Axes", recipe: Recipe, labelled: bool) -> None:
     if target.wavelengths is not None and target.reflectance is not None:
         axes.plot(target.wavelengths, target.reflectance, color=_TARGET, lw=3.2, solid_capstyle="round")
         highest = max(highest, float(target.reflectance.max()))
-    axes.plot(recipe.wavelengths, recipe.reflectance, color=_INK, lw=1.3)
+    axes.plot(recipe.wavelengths, recipe.reflectance, color=INK, lw=1.3)
     axes.set(xlim=(recipe.wavelengths[0], recipe.wavelengths[-1]), ylim=(0, 1.0 if highest > 0.35 else 0.4))
     axes.set_xticks([400, 500, 600, 700])
     axes.set_yticks([0, 0.5, 1.0] if highest > 0.35 else [0, 0.2, 0.4])

@@ -2,28 +2,27 @@
 
 All sets of up to three paints in one coat or two are looked at on a coarse grid (`glazefit.recipe.screen`), the best
 are refined by Levenberg-Marquardt, first by a table and then with the solver (`glazefit.recipe.refine`), more paints or
-coats are added where allowed (`glazefit.recipe.grow`), and what remains is simplified, rounded to what a painter can
+coats are added where allowed, and what remains is simplified, rounded to what a painter can
 weigh and measure, and put in order (`glazefit.recipe.choose`).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Unpack, overload
 
 import numpy as np
 from jaxtyping import Float
 
-from glazejax import Glaze, Layer, Mixture, Pigment, colour
+from glazejax import Glaze, Layer, Mixture, colour
 from glazejax.geometry import Geometry
 from glazejax.paint.describe import Coat
 
-from .bench import Bench, readings
 from .choose import IN_GAMUT, Scored, rounded, score, select, simplified
-from .grow import grown
-from .refine import refine, refine_solved
-from .screen import MOST_SCREENED, Aims, Stacks, screen
+from .model import StackModel, readings
+from .refine import grown, refine, refine_solved
+from .screen import MOST_SCREENED, Stacks, TargetArrays, screen
 from .targets import Target
-from .task import DEFAULT_THICKNESS, Task, as_targets, make_task
+from .task import DEFAULT_THICKNESS, Pigments, RecipeOptions, Task, Wanted, as_targets, make_task
 
 GROUP = 8
 """Targets that are refined at a time."""
@@ -55,6 +54,7 @@ class Recipe:
         sensitivity: for each coat, Delta E 2000 of the colour when that coat alone is 10 % thicker or thinner.
         gamut_distance: the least Delta E 2000 found for the target if that is 1 or more, else 0.
         limit: what keeps a target out of reach: "paints", or a coat at a bound of thickness; "" if in reach.
+        converged: whether least squares came to an end; if not, other amounts of the same paints may come nearer.
     """
 
     target: Target
@@ -71,6 +71,7 @@ class Recipe:
     sensitivity: tuple[float, ...]
     gamut_distance: float = 0.0
     limit: str = ""
+    converged: bool = True
 
     @property
     def in_gamut(self) -> bool:
@@ -102,9 +103,17 @@ def _typed(coat: Coat) -> str:
     return f"{mixed if len(coat.parts) > 1 else coat.name}:{coat.thickness * 1e6:.6g}um"
 
 
+@overload
 def find_recipes(
-    target: Any,
-    pigments: Mapping[str, Pigment] | Sequence[Pigment] | None = None,
+    target: Wanted, pigments: Pigments | None = None, **options: Unpack[RecipeOptions]
+) -> list[Recipe]: ...
+@overload
+def find_recipes(
+    target: Sequence[Wanted], pigments: Pigments | None = None, **options: Unpack[RecipeOptions]
+) -> list[list[Recipe]]: ...
+def find_recipes(
+    target: Wanted | Sequence[Wanted],
+    pigments: Pigments | None = None,
     *,
     ground: float | Float[np.ndarray, "bands"] = 0.9,
     geometry: Geometry | None = None,
@@ -119,7 +128,7 @@ def find_recipes(
     metamerism: float = 0.2,
     simplicity: float = 0.3,
     seed: int = 0,
-) -> Any:
+) -> list[Recipe] | list[list[Recipe]]:
     """The best few different glazes for a colour or a spectrum, or for many at once.
 
     Args:
@@ -159,61 +168,61 @@ def find_recipes(
 
 def recipe_chunks(task: Task) -> Iterator[list[list[Recipe]]]:
     """Recipes for a few targets at a time, so that progress can be shown and an interrupt loses little."""
-    bench, aims = task.bench(), task.aims()
+    model, aims = task.model(), task.target_arrays()
 
     def keep(coats: int, paints: int) -> int:
         return _KEEP[coats, paints]
 
-    rough = screen(bench, aims, max_paints=task.max_paints, max_layers=task.max_layers, keep=keep, seed=task.seed)
+    rough = screen(model, aims, max_paints=task.max_paints, max_layers=task.max_layers, keep=keep, seed=task.seed)
     for first in range(0, len(task.targets), GROUP):
         here = range(first, min(first + GROUP, len(task.targets)))
-        stacks = _refined(task, bench, aims, rough.take(np.flatnonzero(np.isin(rough.target, here))))
-        yield _finish(task, bench, aims, stacks, here)
+        stacks = _refined(task, model, aims, rough.take(np.flatnonzero(np.isin(rough.target, here))))
+        yield _finish(task, model, aims, stacks, here)
 
 
-def _refined(task: Task, bench: Bench, aims: Aims, rough: Stacks) -> Stacks:
+def _refined(task: Task, model: StackModel, aims: TargetArrays, rough: Stacks) -> Stacks:
     """The best stacks that come of a first look."""
 
     def better(stacks: Stacks) -> Stacks:
-        return refine(bench, aims, stacks, task.slots)
+        return refine(model, aims, stacks, task.slots)
 
     stacks = better(better(rough).best(lambda coats, paints: _KEEP_REFINED))
     for _ in range(max(0, task.max_paints - MOST_SCREENED) + max(0, task.max_layers - 2)):
         parents = stacks.best(lambda coats, paints: _PARENTS)
-        children = grown(bench, aims, parents, max_paints=task.max_paints, max_layers=task.max_layers)
+        children = grown(model, aims, parents, max_paints=task.max_paints, max_layers=task.max_layers)
         children = better(children.best(lambda coats, paints: _CHILDREN))
         stacks = Stacks.join([stacks, better(children.best(lambda coats, paints: _KEEP_REFINED))])
-    pool = Stacks.join([stacks, better(simplified(bench, stacks))])
+    pool = Stacks.join([stacks, better(simplified(model, stacks))])
     # The table is exact for one coat, but from far away a colour's own metric leads a little astray.
     settled = (pool.coats == 1) & (pool.cost < IN_GAMUT**2)
     rest = pool.take(np.flatnonzero(~settled)).best(lambda coats, paints: _KEEP_SOLVED)
-    rest = refine_solved(bench, task.optics, aims, rest, task.slots)
+    rest = refine_solved(model, task.optics, aims, rest, task.slots)
     return Stacks.join([pool.take(np.flatnonzero(settled)), rest])
 
 
-def _finish(task: Task, bench: Bench, aims: Aims, stacks: Stacks, targets: range) -> list[list[Recipe]]:
+def _finish(task: Task, model: StackModel, aims: TargetArrays, stacks: Stacks, targets: range) -> list[list[Recipe]]:
     """Choose, round and describe the recipes of some targets."""
-    scored = score(bench, task.optics, aims, stacks)
+    scored = score(model, task.optics, aims, stacks)
     exact = []
     for target in targets:
         own = [one for one, owner in zip(scored, stacks.target, strict=True) if owner == target]
         exact += [(target, one) for one in select(own, _SPARE * task.count, task.simplicity)]
-    round_ones = rounded(bench, task.optics, aims, exact, task.simplicity)
+    round_ones = rounded(model, task.optics, aims, exact, task.simplicity)
     recipes = []
     for target in targets:
         pairs = {id(new): old for (owner, old), new in zip(exact, round_ones, strict=True) if owner == target}
         own = [new for (owner, _), new in zip(exact, round_ones, strict=True) if owner == target]
         best = select(own, task.count, task.simplicity)
-        recipes.append(_described(task, bench, target, [(one, pairs[id(one)]) for one in best]))
+        recipes.append(_described(task, model, target, [(one, pairs[id(one)]) for one in best]))
     return recipes
 
 
-def _described(task: Task, bench: Bench, target: int, chosen: list[tuple[Scored, Scored]]) -> list[Recipe]:
+def _described(task: Task, model: StackModel, target: int, chosen: list[tuple[Scored, Scored]]) -> list[Recipe]:
     """Recipes from what was chosen, each with the same before it was rounded."""
     aim = task.targets[target]
-    recipes, effects = [], _thickness_effects(task, bench, aim, [one for one, _ in chosen])
+    recipes, effects = [], _thickness_effects(task, model, aim, [one for one, _ in chosen])
     for (one, exact), (sensitivity, _) in zip(chosen, effects, strict=True):
-        recipes.append(_recipe(task, aim, one, exact.distance, sensitivity))
+        recipes.append(_recipe(task, aim, one, exact, sensitivity))
     nearest = min(one.distance for one, _ in chosen)
     if nearest < IN_GAMUT:
         return recipes
@@ -221,7 +230,7 @@ def _described(task: Task, bench: Bench, target: int, chosen: list[tuple[Scored,
     return [replace(recipe, gamut_distance=nearest, limit=limit) for recipe in recipes]
 
 
-def _recipe(task: Task, aim: Target, one: Scored, unrounded: float, sensitivity: tuple[float, ...]) -> Recipe:
+def _recipe(task: Task, aim: Target, one: Scored, exact: Scored, sensitivity: tuple[float, ...]) -> Recipe:
     coats, layers = [], []
     for sizes in one.sizes:
         total = float(sizes.sum())
@@ -252,16 +261,17 @@ def _recipe(task: Task, aim: Target, one: Scored, unrounded: float, sensitivity:
         reflectance=one.reading,
         lab={name: lab(name) for name in task.illuminants},
         delta_e=dict(zip(task.illuminants, one.delta_e.tolist(), strict=True)),
-        unrounded=unrounded,
+        unrounded=exact.distance,
         metamerism=test,
         test_illuminant=task.test_illuminant,
         rmse=rmse,
         sensitivity=sensitivity,
+        converged=exact.settled,
     )
 
 
 def _thickness_effects(
-    task: Task, bench: Bench, aim: Target, chosen: list[Scored]
+    task: Task, model: StackModel, aim: Target, chosen: list[Scored]
 ) -> list[tuple[tuple[float, ...], str]]:
     """For each recipe, what 10 % of each coat's thickness does to the colour, and what keeps it from the target."""
     light = task.illuminants[0]
@@ -273,7 +283,7 @@ def _thickness_effects(
                 other[coat] *= factor
                 sizes.append(other)
                 places.append((row, coat))
-    reading = readings(bench, np.stack(sizes), task.optics)
+    reading = readings(model, np.stack(sizes), task.optics)
     labs = np.asarray(colour.lab(task.wavelengths, reading, illuminant=light, observer=task.observer))
     wanted = aim.lab(light, task.observer)
     effects = []

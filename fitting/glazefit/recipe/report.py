@@ -14,6 +14,7 @@ from glazejax import colour
 from glazejax.io import SpectraTable, write_spectra, write_table
 from glazejax.paint.describe import Coat
 from glazejax.plots import hex_colour
+from glazejax.report import plain_table, swatch
 from glazejax.spectra import resample
 
 from .recipe import Recipe
@@ -82,24 +83,28 @@ def print_recipes(recipes: Sequence[Recipe], console: Console) -> None:
     table = _table(["", *_titles(first)])
     for rank, recipe in enumerate(recipes, 1):
         _add_coats(table, [str(rank), *_figures(recipe)], recipe)
-    swatches = _block(target_hex(first)) + Text(" ") + _block(recipe_hex(first))
+    swatches = swatch(target_hex(first)) + Text(" ") + swatch(recipe_hex(first))
     console.print(Text(f"{first.target.name} ", style="bold") + swatches + Text(" target, first recipe"))
     console.print(table)
     console.print(Text(f"See the first: glazejax render --layers '{first.layers}'", style="dim"), soft_wrap=True)
     if not first.in_gamut:
         console.print(Text(out_of_reach(first), style="yellow"))
+    if rough := [str(rank) for rank, recipe in enumerate(recipes, 1) if not recipe.converged]:
+        console.print(Text(unsettled("recipe", rough), style="yellow"))
 
 
 def print_best(found: Sequence[Sequence[Recipe]], console: Console) -> None:
     """Print the best recipe of each of many targets, coat by coat."""
     table = _table(["target", "", *_titles(found[0][0])])
     for best, *_ in found:
-        swatches = _block(target_hex(best)) + _block(recipe_hex(best))
+        swatches = swatch(target_hex(best)) + swatch(recipe_hex(best))
         _add_coats(table, [best.target.name, swatches, *_figures(best)], best)
     console.print(table)
     for best, *_ in found:
         if not best.in_gamut:
             console.print(Text(out_of_reach(best), style="yellow"))
+    if rough := [best.target.name for best, *_ in found if not best.converged]:
+        console.print(Text(unsettled("the recipe of", rough), style="yellow"))
 
 
 def _titles(recipe: Recipe) -> list[str]:
@@ -120,13 +125,10 @@ def _tested(recipe: Recipe) -> bool:
 
 
 def _table(titles: Sequence[str]) -> Table:
-    table = Table(box=None, padding=(0, 1), header_style="dim", pad_edge=False)
-    for number, title in enumerate(titles):
-        figure = number > 0 and title != ""
-        table.add_column(title, justify="right" if figure else "left", no_wrap=figure, overflow="fold")
-    table.add_column("µm", justify="right", no_wrap=True)
-    table.add_column("coats, top first", overflow="fold", ratio=1)
-    table.add_column("per 10 %", justify="right", no_wrap=True)
+    columns = (*titles, "µm", "coats, top first", "per 10 %")
+    words = [number for number, title in enumerate(columns) if number == 0 or title in ("", "coats, top first")]
+    table = plain_table(*columns, words=words, padding=(0, 1), header_style="dim", pad_edge=False)
+    table.columns[-2].ratio = 1
     return table
 
 
@@ -143,9 +145,12 @@ def out_of_reach(recipe: Recipe) -> str:
     return f"{recipe.target.name}: out of reach by a Delta E of {recipe.gamut_distance:.1f}; {why}."
 
 
-def _block(shade: str) -> Text:
-    """A patch of a colour, for terminals that show colours."""
-    return Text("  ", style=f"on {shade}")
+def unsettled(what: str, which: Sequence[str]) -> str:
+    """A sentence on recipes whose least squares were stopped."""
+    return (
+        f"Least squares stopped before it had settled for {what} {', '.join(which)}: other amounts of the same paints "
+        "may come nearer."
+    )
 
 
 def write_csv(found: Sequence[Sequence[Recipe]], path: Path, *, overwrite: bool = False) -> None:
@@ -194,6 +199,7 @@ def _plain(recipe: Recipe) -> dict:
         "in_gamut": recipe.in_gamut,
         "gamut_distance": recipe.gamut_distance,
         "limit": recipe.limit,
+        "converged": recipe.converged,
         "wavelengths_nm": recipe.wavelengths.tolist(),
         "reflectance": [round(float(value), 7) for value in recipe.reflectance],
     }

@@ -12,19 +12,19 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Bool, Float, Int
 
-from .bench import Bench, internal, lab_of
+from .model import StackModel, internal, lab_of
 
 MOST_SCREENED = 3
-"""Most paints in a recipe that is found here; more are added to these (`glazefit.recipe.grow`)."""
+"""Most paints in a recipe that is found here; more are added to these (`glazefit.recipe.refine.grown`)."""
 
 # Range of the logarithm of a paint's share over another's, when both are weighted by their strength.
 _RANGE = 4.5
 _POINTS = {1: (1, 8), 2: (7, 4), 3: (20, 4)}  # proportions and thicknesses, by the number of paints
 
 
-class Aims(NamedTuple):
+class TargetArrays(NamedTuple):
     """Targets as arrays."""
 
     lab: Float[Array, "targets lights 3"]
@@ -43,6 +43,12 @@ class Stacks(NamedTuple):
     sizes: Float[np.ndarray, "n coats paints"]  # what each paint takes of each coat's thickness, um
     target: Int[np.ndarray, "n"]
     cost: Float[np.ndarray, "n"]  # squared distance
+    settled: Bool[np.ndarray, "n"]  # whether the last least squares came to an end; False before the first
+
+    @classmethod
+    def unrefined(cls, sizes: np.ndarray, target: np.ndarray, cost: np.ndarray) -> "Stacks":
+        """Stacks that no least squares has seen."""
+        return cls(sizes, target, cost, np.zeros(len(target), bool))
 
     @property
     def size(self) -> int:
@@ -89,9 +95,11 @@ class _Coats(NamedTuple):
     amounts: Float[np.ndarray, "sets points paints"]  # um
 
 
-def squared_distance(bench: Bench, aims: Aims, reading: Float[Array, "*batch bands"]) -> Float[Array, "*batch targets"]:
+def squared_distance(
+    model: StackModel, aims: TargetArrays, reading: Float[Array, "*batch bands"]
+) -> Float[Array, "*batch targets"]:
     """Squared distance of readings to every target: colour under all lights (mean), and spectrum."""
-    miss = lab_of(bench, reading)[..., None, :, :] - aims.lab
+    miss = lab_of(model, reading)[..., None, :, :] - aims.lab
     moved = jnp.einsum("tlij,...tlj->...tli", aims.metric, miss)
     colour = jnp.sum(moved**2, axis=(-1, -2)) / aims.lab.shape[1]
     cross = jnp.tensordot(reading, aims.spectrum.T, axes=1)
@@ -106,40 +114,40 @@ class _Optical(NamedTuple):
     scattering: Float[Array, "sets points bands"]
 
 
-def screen(bench: Bench, aims: Aims, *, max_paints: int, max_layers: int, keep: Keep, seed: int) -> Stacks:
+def screen(model: StackModel, aims: TargetArrays, *, max_paints: int, max_layers: int, keep: Keep, seed: int) -> Stacks:
     """The best sets of paints for each target, each at its best point of the grid.
 
     Args:
-        bench, aims: paints and targets.
+        model, aims: paints and targets.
         max_paints, max_layers: limits; what goes beyond three paints or two layers is not looked at here.
         keep: how many sets a target keeps, from numbers of layers and of paints.
         seed: of the grid of three paints' proportions.
     """
-    count = min(max_paints, MOST_SCREENED, bench.absorption.shape[0])
-    coats = {n: _coats(bench, n, seed) for n in range(1, count + 1)}
+    count = min(max_paints, MOST_SCREENED, model.absorption.shape[0])
+    coats = {n: _coats(model, n, seed) for n in range(1, count + 1)}
     found = []
     for some in coats.values():
-        cost, best = map(np.array, _one_coat(bench, aims, _optical(bench, some)))
-        found.append(_one_coat_stacks(bench, some, cost, best, keep, max_layers))
+        cost, best = map(np.array, _one_coat(model, aims, _optical(model, some)))
+        found.append(_one_coat_stacks(model, some, cost, best, keep, max_layers))
     for n, m in itertools.product(coats, coats) if max_layers >= 2 else ():
         # The wide grid of three paints in a coat is for single coats.
         if n + m <= MOST_SCREENED:
             top, bottom = coats[n], coats[m]
-            cost, best = map(np.array, _two_coats(bench, aims, _optical(bench, top), _optical(bench, bottom)))
+            cost, best = map(np.array, _two_coats(model, aims, _optical(model, top), _optical(model, bottom)))
             cost[~_sensible(top.paints, bottom.paints, max_paints)] = np.inf
-            found.append(_two_coat_stacks(bench, (top, bottom), cost, best, keep, max_layers))
+            found.append(_two_coat_stacks(model, (top, bottom), cost, best, keep, max_layers))
     return Stacks.join(found).best(keep)
 
 
-def strength(bench: Bench) -> Float[np.ndarray, "paints"]:
+def strength(model: StackModel) -> Float[np.ndarray, "paints"]:
     """How much a little of each paint shows, 1/um: by its absorption, or by its scattering where it is pale."""
-    return np.asarray(jnp.mean(bench.absorption + 0.1 * bench.scattering, axis=1)) + 1e-9
+    return np.asarray(jnp.mean(model.absorption + 0.1 * model.scattering, axis=1)) + 1e-9
 
 
-def _coats(bench: Bench, n: int, seed: int) -> _Coats:
+def _coats(model: StackModel, n: int, seed: int) -> _Coats:
     from scipy.stats import qmc
 
-    paints = np.array(list(itertools.combinations(range(bench.absorption.shape[0]), n)))
+    paints = np.array(list(itertools.combinations(range(model.absorption.shape[0]), n)))
     proportions, depths = _POINTS[n]
     if n == 1:
         logs = np.zeros((1, 1))
@@ -149,28 +157,28 @@ def _coats(bench: Bench, n: int, seed: int) -> _Coats:
         # Sobol points in the plane of the two ratios; a power of two is what they are made for.
         points = qmc.Sobol(2, rng=np.random.default_rng(seed)).random_base2(5)[:proportions]
         logs = np.concatenate([2.0 * _RANGE * (points - 0.5), np.zeros((proportions, 1))], axis=1)
-    shares = np.exp(logs) / strength(bench)[paints][:, None, :]
+    shares = np.exp(logs) / strength(model)[paints][:, None, :]
     shares /= shares.sum(axis=-1, keepdims=True)
-    low, high = np.asarray(bench.span)
+    low, high = np.asarray(model.span)
     thickness = np.exp(np.linspace(low, high, depths))
     amounts = shares[:, :, None, :] * thickness[:, None]
     return _Coats(paints, amounts.reshape(len(paints), -1, n))
 
 
-def _optical(bench: Bench, coats: _Coats) -> _Optical:
+def _optical(model: StackModel, coats: _Coats) -> _Optical:
     """k d and s d of every coat."""
     amounts = jnp.asarray(coats.amounts)
-    return _Optical(amounts @ bench.absorption[coats.paints], amounts @ bench.scattering[coats.paints])
+    return _Optical(amounts @ model.absorption[coats.paints], amounts @ model.scattering[coats.paints])
 
 
 @jax.jit
 def _one_coat(
-    bench: Bench, aims: Aims, coats: _Optical
+    model: StackModel, aims: TargetArrays, coats: _Optical
 ) -> tuple[Float[Array, "sets targets"], Int[Array, "sets targets"]]:
     """Least cost of each set, and the point where it is."""
 
     def of_one(coat: _Optical) -> tuple[Array, Array]:
-        cost = squared_distance(bench, aims, bench.film.body(*coat, bench.ground) + bench.surface)
+        cost = squared_distance(model, aims, model.film.body(*coat, model.ground) + model.surface)
         return cost.min(axis=0), cost.argmin(axis=0)
 
     return jax.lax.map(of_one, coats, batch_size=8)
@@ -178,15 +186,15 @@ def _one_coat(
 
 @jax.jit
 def _two_coats(
-    bench: Bench, aims: Aims, top: _Optical, bottom: _Optical
+    model: StackModel, aims: TargetArrays, top: _Optical, bottom: _Optical
 ) -> tuple[Float[Array, "sets others targets"], Int[Array, "sets others targets"]]:
     """Least cost of each set over each other set, and the point of both grids where it is."""
-    ground = jnp.swapaxes(internal(bench, bench.film.body(*bottom, bench.ground)), 0, 1)  # (points, others, bands)
+    ground = jnp.swapaxes(internal(model, model.film.body(*bottom, model.ground)), 0, 1)  # (points, others, bands)
 
     def of_one(coat: _Optical) -> tuple[Array, Array]:
-        black, gain, back = (values[:, None, None, :] for values in bench.film.numbers(*coat))
-        reading = black + gain * ground / (1.0 - back * ground) + bench.surface
-        cost = squared_distance(bench, aims, reading)  # (points, points of the lower, others, targets)
+        black, gain, back = (values[:, None, None, :] for values in model.film.numbers(*coat))
+        reading = black + gain * ground / (1.0 - back * ground) + model.surface
+        cost = squared_distance(model, aims, reading)  # (points, points of the lower, others, targets)
         cost = cost.reshape(-1, *cost.shape[2:])
         return cost.min(axis=0), cost.argmin(axis=0)
 
@@ -200,25 +208,25 @@ def _sensible(top: np.ndarray, bottom: np.ndarray, max_paints: int) -> np.ndarra
 
 
 def _one_coat_stacks(
-    bench: Bench, coats: _Coats, cost: np.ndarray, best: np.ndarray, keep: Keep, max_layers: int
+    model: StackModel, coats: _Coats, cost: np.ndarray, best: np.ndarray, keep: Keep, max_layers: int
 ) -> Stacks:
     rows, targets = _lowest(cost, keep(1, coats.paints.shape[1]))
-    sizes = np.zeros((rows.size, max_layers, bench.absorption.shape[0]))
+    sizes = np.zeros((rows.size, max_layers, model.absorption.shape[0]))
     _lay(sizes, 0, coats, rows, best[rows, targets])
-    return Stacks(sizes, targets, cost[rows, targets])
+    return Stacks.unrefined(sizes, targets, cost[rows, targets])
 
 
-def _two_coat_stacks(bench: Bench, coats: tuple[_Coats, _Coats], cost, best, keep, max_layers: int) -> Stacks:
+def _two_coat_stacks(model: StackModel, coats: tuple[_Coats, _Coats], cost, best, keep, max_layers: int) -> Stacks:
     top, bottom = coats
     many = len(bottom.paints)
     flat = cost.reshape(-1, cost.shape[-1])
     rows, targets = _lowest(flat, keep(2, top.paints.shape[1] + bottom.paints.shape[1]))
     upper, lower = np.divmod(rows, many)
     first, second = np.divmod(best[upper, lower, targets], bottom.amounts.shape[1])
-    sizes = np.zeros((rows.size, max_layers, bench.absorption.shape[0]))
+    sizes = np.zeros((rows.size, max_layers, model.absorption.shape[0]))
     _lay(sizes, 0, top, upper, first)
     _lay(sizes, 1, bottom, lower, second)
-    return Stacks(sizes, targets, flat[rows, targets])
+    return Stacks.unrefined(sizes, targets, flat[rows, targets])
 
 
 def _lowest(cost: Float[np.ndarray, "sets targets"], count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -11,9 +11,13 @@ from typing import Any
 
 import numpy as np
 from jaxtyping import Float
+from numpy.typing import ArrayLike
 
 from glazejax import colour
 from glazejax.spectra import as_fraction, describe_grid, validate_wavelengths
+
+Colour = Sequence[float] | Float[np.ndarray, "3"]
+"""L*, a*, b*."""
 
 DEFAULT_CHART = "BabelColor Average"
 """Mean of 30 charts of 24 patches, measured at 45:0, 380-730 nm, as colour-science ships it."""
@@ -67,7 +71,7 @@ class Target:
         return f"Target({self.name!r}, Lab under {', '.join(self.labs)})"
 
 
-def lab_target(lab: Mapping[str, Sequence[float]] | Sequence[float] | Any, name: str | None = None) -> Target:
+def lab_target(lab: Mapping[str, Colour] | Colour, name: str | None = None) -> Target:
     """A colour to match.
 
     Args:
@@ -121,14 +125,14 @@ def srgb_target(code: str, name: str | None = None) -> Target:
     return Target(name or f"#{digits.lower()}", MappingProxyType({colour.find_illuminant("D65"): lab}))
 
 
-def spectral_target(name: str, wavelengths: Any, reflectance: Any) -> Target:
+def spectral_target(name: str, wavelengths: ArrayLike, reflectance: ArrayLike) -> Target:
     """A spectrum to match, (bands,), as a fraction or in percent, on any wavelengths in nm.
 
     Raises:
         ValueError: an illegal grid, or values that are no reflectance.
     """
-    grid = validate_wavelengths(wavelengths)
-    values, _ = as_fraction(reflectance, [name] if np.ndim(reflectance) == 2 else None)
+    grid = validate_wavelengths(np.asarray(wavelengths))
+    values, _ = as_fraction(np.asarray(reflectance), [name] if np.ndim(reflectance) == 2 else None)
     if values.shape != grid.shape:
         raise ValueError(f"{name!r} has {values.size} values for {grid.size} wavelengths; give one a wavelength")
     return Target(name, MappingProxyType({}), grid, values)

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypedDict
 
 import jax.numpy as jnp
 import numpy as np
@@ -14,15 +14,40 @@ from glazejax.paint.media import MAX_THICKNESS
 from glazejax.radiative.stack import INDEX_RANGE
 from glazejax.spectra import describe_grid, resample, same_grid
 
-from .bench import Bench, Optics, make_bench
+from ..film.optics import Optics
+from .model import StackModel, make_model
 from .refine import colour_metric
-from .screen import Aims
-from .targets import Target, lab_target
+from .screen import TargetArrays
+from .targets import Colour, Target, lab_target
 
 DEFAULT_THICKNESS = (1e-6, 50e-6)
 """Thinnest and thickest coat in m, if nothing else is said; on the catalogue's scale of thickness."""
 
 _MOST_PAINTS, _MOST_LAYERS = 6, 4
+
+
+Wanted = Target | Mapping[str, Colour] | Colour
+"""What may be asked for: a target, a colour, or colours by illuminant."""
+
+Pigments = Mapping[str, Pigment] | Sequence[Pigment]
+
+
+class RecipeOptions(TypedDict, total=False):
+    """Further arguments of `glazefit.find_recipes`, which says what each is."""
+
+    ground: float | Float[np.ndarray, "bands"]
+    geometry: Geometry | None
+    refractive_index: float
+    illuminants: Sequence[str] | None
+    test_illuminant: str
+    observer: str | int
+    max_paints: int
+    max_layers: int
+    thickness: tuple[float, float]
+    count: int
+    metamerism: float
+    simplicity: float
+    seed: int
 
 
 @dataclass(frozen=True)
@@ -60,9 +85,9 @@ class Task:
         """The instrument in plain numbers."""
         return Optics.of(self.geometry, self.refractive_index)
 
-    def bench(self) -> Bench:
-        """The arrays of the search."""
-        return make_bench(
+    def model(self) -> StackModel:
+        """What stacks of these paints read, as arrays."""
+        return make_model(
             self.pigments,
             self.ground,
             self.geometry,
@@ -72,7 +97,7 @@ class Task:
             self.thickness,
         )
 
-    def aims(self) -> Aims:
+    def target_arrays(self) -> TargetArrays:
         """The targets as arrays; without a spectrum it weighs nothing."""
         grid = self.wavelengths
         labs = np.stack([[t.lab(name, self.observer) for name in self.illuminants] for t in self.targets])
@@ -83,14 +108,14 @@ class Task:
                 spectra[row] = resample(target.wavelengths, target.reflectance, grid)
                 # A root mean squared difference of 0.01 weighs as much as a Delta E of `metamerism`.
                 weights[row] = (100.0 * self.metamerism) ** 2 / grid.size
-        return Aims(jnp.asarray(labs), jnp.asarray(colour_metric(labs)), jnp.asarray(spectra), jnp.asarray(weights))
+        return TargetArrays(*(jnp.asarray(a) for a in (labs, colour_metric(labs), spectra, weights)))
 
 
 def make_task(
     targets: Sequence[Target],
-    pigments: Mapping[str, Pigment] | Sequence[Pigment] | None,
+    pigments: Pigments | None,
     *,
-    ground: Any,
+    ground: float | Float[np.ndarray, "bands"],
     geometry: Geometry | None,
     refractive_index: float,
     illuminants: Sequence[str] | None,
@@ -159,7 +184,7 @@ def _first(given: Any) -> Any:
         raise ValueError(f"a target is a colour of three numbers, or made by spectral_target, not {given!r}") from None
 
 
-def _listed(pigments: Mapping[str, Pigment] | Sequence[Pigment] | None) -> list[Pigment]:
+def _listed(pigments: Pigments | None) -> list[Pigment]:
     if pigments is None:
         pigments = catalogue.load()
     paints = list(pigments.values()) if isinstance(pigments, Mapping) else list(pigments)
@@ -177,7 +202,7 @@ def _listed(pigments: Mapping[str, Pigment] | Sequence[Pigment] | None) -> list[
 
 
 def _on_one_grid(
-    paints: list[Pigment], ground: Any, targets: Sequence[Target]
+    paints: list[Pigment], ground: float | Float[np.ndarray, "bands"], targets: Sequence[Target]
 ) -> tuple[tuple[Pigment, ...], float | Float[np.ndarray, "bands"]]:
     """Pigments and ground on the bands of the first pigment that all pigments and target spectra cover."""
     grid = paints[0].wavelengths

@@ -174,7 +174,7 @@ def _recover_jointly(
     from ..film.mixing import MixingLaw
     from ..film.readers import NAMES_FILE, read_names
     from .joint import recover_jointly
-    from .joint_report import (
+    from .report import (
         print_joint,
         write_joint_films,
         write_joint_pigments,
@@ -216,8 +216,8 @@ def _leave_out(
     results: _Results,
 ) -> None:
     from .crossvalidation import leave_films_out
-    from .joint_plots import plot_left_out
-    from .joint_report import print_left_out, write_left_out
+    from .plots import plot_left_out
+    from .report import print_left_out, write_left_out
 
     out, _, plots, overwrite, console = results
     with console.status("leaving films out") as status:

@@ -3,13 +3,16 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TypedDict, Unpack
 
 import numpy as np
 from jaxtyping import Float
 
-from ..film.films import Films
+from ..film.films import Films, Instrument, Noise
+from ..film.mixing import MixingLaw
+from ..film.response import Response
 from .joint import recover_jointly
+from .joint_problem import Expectations
 from .joint_result import JointRecovery
 from .prediction import Prediction, predict_films
 
@@ -55,8 +58,22 @@ class LeftOut:
         return np.mean((low <= self.measured) & (self.measured <= high), axis=(1, 2))
 
 
+class JointSettings(TypedDict, total=False):
+    """How a joint fit was made: further arguments of `glazefit.recover.joint.recover_jointly`."""
+
+    instrument: Instrument | None
+    noise: Noise | None
+    law: MixingLaw | None
+    expectations: Expectations | None
+    response: Response | None
+
+
 def without(
-    whole: JointRecovery, films: Films, recipes: Mapping[str, Mapping[str, float]], row: int, **given: Any
+    whole: JointRecovery,
+    films: Films,
+    recipes: Mapping[str, Mapping[str, float]],
+    row: int,
+    **given: Unpack[JointSettings],
 ) -> JointRecovery:
     """The fit without one film; it starts where that of all ended, but knows nothing of that film.
 
@@ -64,7 +81,7 @@ def without(
         whole: fit of all films.
         films, recipes: of `whole`.
         row: of the film that is left out.
-        given: further arguments of `glazefit.recover.joint.recover_jointly`, as `whole` had them.
+        given: as `whole` had them.
     """
     use = np.ones(len(films))
     use[row] = 0.0
@@ -79,7 +96,11 @@ def leave_films_out(
     *,
     only: Callable[[str], bool] | None = None,
     progress: Callable[[str], object] = lambda name: None,
-    **given: Any,
+    instrument: Instrument | None = None,
+    noise: Noise | None = None,
+    law: MixingLaw | None = None,
+    expectations: Expectations | None = None,
+    response: Response | None = None,
 ) -> LeftOut:
     """Leave every mixture out of the fit in turn and predict it from its weights.
 
@@ -89,7 +110,8 @@ def leave_films_out(
         only: whether a film, by name, is left out; by default those of more than one paint, all of whose paints are in
             other films too.
         progress: called with each film's name before it is fitted. An interrupt keeps the films that are done.
-        given: further arguments of `glazefit.recover.joint.recover_jointly`, as `whole` had them.
+        instrument, noise, law, expectations, response: of `glazefit.recover.joint.recover_jointly`, as `whole` had
+            them.
 
     Raises:
         ValueError: there is no such film.
@@ -102,12 +124,19 @@ def leave_films_out(
     ]
     if not rows:
         raise ValueError("no film can be left out: none is of several paints that are all in other films too")
+    given: JointSettings = {
+        "instrument": instrument,
+        "noise": noise,
+        "law": law,
+        "expectations": expectations,
+        "response": response,
+    }
     predictions: list[Prediction] = []
     try:
         for row in rows:
             progress(films.names[row])
             rest = without(whole, films, recipes, row, **given)
-            predictions += predict_films(rest, films.take([row]), recipes, response=given.get("response"))
+            predictions += predict_films(rest, films.take([row]), recipes, response=response)
     except KeyboardInterrupt:
         if not predictions:
             raise

@@ -7,7 +7,7 @@ interrupt keeps what is finished.
 The unknowns are log(k d) and log(s d), held between bounds by a sigmoid. Two films over the same cards can have two
 solutions, so the fit starts from the two best local minima of a table (`film.model.tabulate`) and keeps the better.
 
-Where a film is opaque only k/s is known. There s d is drawn to its neighbours (`regularise`) and k d follows
+Where a film is opaque only k/s is known. There s d is drawn to its neighbours (`neighbours_scattering`) and k d follows
 from the ratio; the band is flagged.
 """
 
@@ -22,12 +22,12 @@ import optimistix as optx
 from jaxtyping import Array, Bool, Float
 
 from glazejax import Hemispherical
+from glazejax.radiative.common.linalg import inverse_positive
 
 from ..film.films import Films, Instrument, Noise, cards
 from ..film.gloss import estimate_gloss
 from ..film.least_squares import GramSchmidt
-from ..film.model import HIGHEST, LOWEST, Table, body_reflectance, tabulate
-from .regularise import neighbours_scattering
+from ..film.model import HIGHEST, LOWEST, ReflectanceTable, body_reflectance, tabulate
 from .result import Recovery, told_apart
 
 CHUNK = 8
@@ -36,12 +36,14 @@ CHUNK = 8
 _STEPS = 20
 # Pull to the start, in standard deviations per unit of log k d or log s d, without and with a given s d.
 _PULL, _GIVEN_PULL = 0.05, 0.2
+# Prior on log(s d) from the neighbours, a factor of e: holds where the data are silent, yields where they speak.
+PRIOR_SD = 1.0
 # In units of a standard deviation for residuals, and of log k d and log s d.
 _SOLVER = optx.LevenbergMarquardt(rtol=1e-4, atol=1e-3, linear_solver=GramSchmidt())
 _BOUNDS = np.log(np.array([LOWEST, HIGHEST]))
 
 
-class Problem(NamedTuple):
+class BandReadings(NamedTuple):
     """Readings over black and white (last axis) of every band, without the surface's part; leading axes are bands."""
 
     reading: Float[Array, "*bands 2"]
@@ -50,14 +52,14 @@ class Problem(NamedTuple):
     ground_variance: Float[Array, "*bands 2"]
 
 
-class Prior(NamedTuple):
+class ScatteringPrior(NamedTuple):
     """What is known beforehand of log(s d): its mean and one over its standard deviation (0 for nothing)."""
 
     mean: Float[Array, "*bands"]
     weight: Float[Array, "*bands"]
 
 
-class Start(NamedTuple):
+class BandStart(NamedTuple):
     """Where the fit of one band starts."""
 
     logs: Float[Array, "*bands 2 2"]  # two points, log k d and log s d
@@ -89,17 +91,17 @@ def _free(logs: Float[Array, "*n 2"]) -> Float[Array, "*n 2"]:
     return (high - low) / 4.0 * (jnp.log(share) - jnp.log1p(-share))
 
 
-def starts(problem: Problem, table: Table, prior: Prior) -> Start:
+def starts(data: BandReadings, table: ReflectanceTable, prior: ScatteringPrior) -> BandStart:
     """Starting points of one band: the table's two lowest local minima (the lowest twice if there is one only).
 
     Between neighbouring values of k d the table is interpolated, since the valley of equal k/s is narrow.
     """
-    ground = problem.ground[:, None, None]
+    ground = data.ground[:, None, None]
     transmitted = table.gain / (1.0 - table.back * ground)
     # A card's own error reaches the reading through the film.
     through = transmitted / (1.0 - table.back * ground)
-    variance = problem.variance[:, None, None] + problem.ground_variance[:, None, None] * through**2
-    residual = (table.black + ground * transmitted - problem.reading[:, None, None]) / jnp.sqrt(variance)
+    variance = data.variance[:, None, None] + data.ground_variance[:, None, None] * through**2
+    residual = (table.black + ground * transmitted - data.reading[:, None, None]) / jnp.sqrt(variance)
     left, step = residual[:, :-1], jnp.diff(residual, axis=1)
     share = jnp.clip(-jnp.sum(left * step, axis=0) / jnp.clip(jnp.sum(step**2, axis=0), 1e-30), 0.0, 1.0)
     cost = jnp.sum((left + share * step) ** 2, axis=0)
@@ -122,11 +124,15 @@ def starts(problem: Problem, table: Table, prior: Prior) -> Start:
         table.log_absorption[1] - table.log_absorption[0]
     )
     points = jnp.stack([log_absorption, table.log_scattering[column]], axis=-1)
-    return Start(points, 1.0 / jnp.sqrt(variance[:, row[0], column[0]]), least)
+    return BandStart(points, 1.0 / jnp.sqrt(variance[:, row[0], column[0]]), least)
 
 
 def _polish(
-    start: Float[Array, "2"], problem: Problem, weights: Float[Array, "2"], prior: Prior, instrument: Instrument
+    start: Float[Array, "2"],
+    data: BandReadings,
+    weights: Float[Array, "2"],
+    prior: ScatteringPrior,
+    instrument: Instrument,
 ) -> tuple[Float[Array, "2"], Bool[Array, ""]]:
     """Least squares of one band from one start: log optical thicknesses, and whether it converged.
 
@@ -140,15 +146,15 @@ def _polish(
     def residuals(free: Array, _: None) -> Array:
         logs = _bounded(free)
         k, s = jnp.exp(logs)
-        data = (body_reflectance(k, s, problem.ground, instrument) - problem.reading) * weights
-        return jnp.concatenate([data, pull * (logs - centre)])
+        misfit = (body_reflectance(k, s, data.ground, instrument) - data.reading) * weights
+        return jnp.concatenate([misfit, pull * (logs - centre)])
 
     solution = optx.least_squares(residuals, _SOLVER, _free(start), max_steps=_STEPS, throw=False)
     return _bounded(solution.value), solution.result == optx.RESULTS.successful
 
 
 def _spread(
-    optical: Float[Array, "n 2"], problem: Problem, instrument: Instrument
+    optical: Float[Array, "n 2"], data: BandReadings, instrument: Instrument
 ) -> tuple[Float[Array, "n 2"], Float[Array, "n 2 2"]]:
     """Fitted readings, and the covariance of k d and s d that the noise of all four readings causes.
 
@@ -162,21 +168,19 @@ def _spread(
 
     # One reverse pass gives every slope: bands and cards are independent.
     pairs = jnp.broadcast_to(optical[:, None, :], (*optical.shape, 2))
-    (_, value), (jacobian, through) = jax.value_and_grad(total, argnums=(0, 1), has_aux=True)(pairs, problem.ground)
-    variance = problem.variance + problem.ground_variance * through**2
+    (_, value), (jacobian, through) = jax.value_and_grad(total, argnums=(0, 1), has_aux=True)(pairs, data.ground)
+    variance = data.variance + data.ground_variance * through**2
     scaled = jacobian / jnp.sqrt(variance)[..., None]
     fisher = jnp.einsum("nci,ncj->nij", scaled, scaled) + jnp.eye(2) / (1.0 + 5.0 * optical[:, :, None]) ** 2
-    determinant = fisher[:, 0, 0] * fisher[:, 1, 1] - fisher[:, 0, 1] ** 2
-    swapped = fisher[:, ::-1, ::-1] * jnp.asarray([[1.0, -1.0], [-1.0, 1.0]])
-    return value, swapped / determinant[:, None, None]
+    return value, inverse_positive(fisher)
 
 
 @functools.partial(jax.jit, static_argnames="instrument")
-def solve(problem: Problem, table: Table, prior: Prior, instrument: Instrument) -> Estimate:
+def solve(data: BandReadings, table: ReflectanceTable, prior: ScatteringPrior, instrument: Instrument) -> Estimate:
     """Solve every band of a batch, (n,), side by side."""
-    start = jax.vmap(starts, in_axes=(0, None, 0))(problem, table, prior)
+    start = jax.vmap(starts, in_axes=(0, None, 0))(data, table, prior)
     # Both starts of a band are bands of their own until the better one is chosen.
-    twice = jax.tree.map(lambda a: jnp.repeat(a, 2, axis=0), (problem, start.weights, prior))
+    twice = jax.tree.map(lambda a: jnp.repeat(a, 2, axis=0), (data, start.weights, prior))
     both, weights, priors = twice
     logs, converged = jax.vmap(_polish, in_axes=(0, 0, 0, 0, None))(
         start.logs.reshape(-1, 2), both, weights, priors, instrument
@@ -206,14 +210,14 @@ def solve(problem: Problem, table: Table, prior: Prior, instrument: Instrument) 
     )
 
 
-def pose(films: Films, gloss: Float[np.ndarray, "films"], instrument: Instrument, noise: Noise) -> Problem:
+def pose(films: Films, gloss: Float[np.ndarray, "films"], instrument: Instrument, noise: Noise) -> BandReadings:
     """Problems of all bands of some films, (films * bands,)."""
     black, white, sd_black, sd_white = cards(films, instrument, noise)
     readings = np.stack([films.over_black, films.over_white], axis=-1)
     surface = (gloss * instrument.seen_surface)[:, None, None]
     sds = np.stack([sd_black, sd_white], axis=-1)
     grounds = np.stack([black, white], axis=-1)
-    return Problem(
+    return BandReadings(
         *(jnp.asarray(a.reshape(-1, 2)) for a in (readings - surface, grounds, noise.sd(readings) ** 2, sds**2))
     )
 
@@ -255,13 +259,11 @@ def _recover_chunk(films: Films, instrument: Instrument, noise: Noise, chunk: in
     table = _table(optics)
     # The last chunk is filled up, so that one compiled program serves all.
     spare = (chunk - count) * bands
-    problem = jax.tree.map(
-        lambda a: jnp.pad(a, ((0, spare), (0, 0)), mode="edge"), pose(films, gloss, instrument, noise)
-    )
+    data = jax.tree.map(lambda a: jnp.pad(a, ((0, spare), (0, 0)), mode="edge"), pose(films, gloss, instrument, noise))
     size = chunk * bands
-    nothing = Prior(jnp.zeros(size), jnp.zeros(size))
-    free = solve(problem, table, nothing, optics)
-    contrast = np.asarray((free.fitted[:, 1] - free.fitted[:, 0]) / jnp.sqrt(problem.variance.sum(axis=1)))
+    nothing = ScatteringPrior(jnp.zeros(size), jnp.zeros(size))
+    free = solve(data, table, nothing, optics)
+    contrast = np.asarray((free.fitted[:, 1] - free.fitted[:, 0]) / jnp.sqrt(data.variance.sum(axis=1)))
     apart = told_apart(np.asarray(free.optical), np.asarray(free.covariance), contrast)
     known = (apart & ~np.asarray(free.ambiguous)).reshape(-1, bands)
     mean, weight = neighbours_scattering(
@@ -270,8 +272,8 @@ def _recover_chunk(films: Films, instrument: Instrument, noise: Noise, chunk: in
         known,
         np.asarray(free.least_scattering).reshape(-1, bands),
     )
-    prior = Prior(jnp.asarray(mean.ravel()), jnp.asarray(weight.ravel()))
-    drawn = free if known[:count].all() else solve(problem, table, prior, optics)
+    prior = ScatteringPrior(jnp.asarray(mean.ravel()), jnp.asarray(weight.ravel()))
+    drawn = free if known[:count].all() else solve(data, table, prior, optics)
     chosen = jax.tree.map(lambda a, b: np.where(known.ravel().reshape(-1, *[1] * (a.ndim - 1)), a, b), free, drawn)
 
     def cut(values: np.ndarray) -> np.ndarray:
@@ -293,6 +295,34 @@ def _recover_chunk(films: Films, instrument: Instrument, noise: Noise, chunk: in
     )
 
 
+def neighbours_scattering(
+    wavelengths: Float[np.ndarray, "bands"],
+    log_scattering: Float[np.ndarray, "films bands"],
+    known: Bool[np.ndarray, "films bands"],
+    least: Float[np.ndarray, "films bands"],
+) -> tuple[Float[np.ndarray, "films bands"], Float[np.ndarray, "films bands"]]:
+    """Mean and weight of a prior on log(s d): nothing at known bands, continuity with them elsewhere.
+
+    Between known bands log(s d) is interpolated, beyond them continued as a constant, and never less than the data
+    allow. A film without any known band gets one value, the least that all its bands allow: as thin as it can be.
+
+    Args:
+        wavelengths: (bands,), nm.
+        log_scattering: log(s d) as fitted, (films, bands).
+        known: whether k and s are both determined, (films, bands).
+        least: smallest log(s d) that the data allow, (films, bands).
+    """
+    mean = np.zeros_like(log_scattering)
+    for row in range(len(mean)):
+        held = known[row]
+        if held.any():
+            line = np.interp(wavelengths, wavelengths[held], log_scattering[row, held])
+            mean[row] = np.maximum(line, least[row])
+        else:
+            mean[row] = least[row].max()
+    return mean, np.where(known, 0.0, 1.0 / PRIOR_SD)
+
+
 @functools.lru_cache(maxsize=8)
-def _table(instrument: Instrument) -> Table:
+def _table(instrument: Instrument) -> ReflectanceTable:
     return jax.jit(functools.partial(tabulate, instrument))()

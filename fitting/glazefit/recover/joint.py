@@ -23,7 +23,7 @@ from ..film.mixing import MixingLaw, weight_table
 from ..film.response import Response, film_response
 from .joint_problem import (
     Expectations,
-    Problem,
+    JointProblem,
     Unknowns,
     curvature_matrix,
     minor_parts,
@@ -136,7 +136,7 @@ def pose(
     instrument: Instrument,
     noise: Noise,
     expected: Expectations,
-) -> Problem:
+) -> JointProblem:
     """Arrays of a joint problem."""
     black, white, sd_black, sd_white = cards(films, instrument, noise)
     measured = np.stack([films.over_black, films.over_white], axis=-1)
@@ -172,7 +172,7 @@ def pose(
         "paint_scale": np.tile([expected.paint_gloss, strength], (paints, 1)),
         "tail": expected.tail,
     }
-    return Problem(**{name: jnp.asarray(array) for name, array in arrays.items()})
+    return JointProblem(**{name: jnp.asarray(array) for name, array in arrays.items()})
 
 
 def paint_gloss(
@@ -184,7 +184,7 @@ def paint_gloss(
     return np.array([demanded[largest == paint].min(initial=0.0) for paint in range(shares.shape[1])])
 
 
-def first_guess(problem: Problem) -> Unknowns:
+def first_guess(problem: JointProblem) -> Unknowns:
     """Grey paints, all alike, and films as expected."""
     bands = problem.reading.shape[0]
     return Unknowns(
@@ -194,13 +194,13 @@ def first_guess(problem: Problem) -> Unknowns:
     )
 
 
-def _steps(problem: Problem) -> JointSteps:
+def _steps(problem: JointProblem) -> JointSteps:
     return JointSteps(problem.curvature.T @ problem.curvature, problem.stiffness)
 
 
 @functools.partial(jax.jit, static_argnames="max_steps")
 def fit(
-    problem: Problem, response: Response, start: Unknowns, first_step: float, max_steps: int
+    problem: JointProblem, response: Response, start: Unknowns, first_step: float, max_steps: int
 ) -> tuple[Unknowns, Array, Array]:
     """Least squares from a start: solution, number of steps, whether they settled."""
     solver = optx.LevenbergMarquardt(rtol=_SETTLED, atol=_SETTLED, linear_solver=_steps(problem))
@@ -211,7 +211,7 @@ def fit(
 
 @functools.partial(jax.jit, static_argnames="draws")
 def spread(
-    solution: Unknowns, problem: Problem, response: Response, draws: int
+    solution: Unknowns, problem: JointProblem, response: Response, draws: int
 ) -> tuple[Float[Array, "bands local local"], Float[Array, "shared shared"], Unknowns]:
     """Laplace: inverse of the normal matrix at the solution, per band and of the shared unknowns; and draws from it."""
     _, tangent = jax.linearize(lambda y: residuals(y, (problem, response)), solution)

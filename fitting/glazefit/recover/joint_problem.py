@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..film.films import Noise
+from ..film.least_squares import root_of_log1p
 from ..film.mixing import strengthen
 from ..film.response import Response
 
@@ -67,7 +68,7 @@ class Unknowns(NamedTuple):
     paints: Float[Array, "paints 2"]  # log gloss, log strength
 
 
-class Problem(NamedTuple):
+class JointProblem(NamedTuple):
     """Data and expectations as arrays; leading axis bands where they depend on it."""
 
     reading: Float[Array, "bands films 2"]
@@ -85,8 +86,8 @@ class Problem(NamedTuple):
     tail: Float[Array, ""]  # degrees of freedom of Student's t of weights' errors
 
 
-class Residuals(NamedTuple):
-    """Residuals in standard deviations."""
+class JointResiduals(NamedTuple):
+    """JointResiduals in standard deviations."""
 
     data: Float[Array, "bands films 2"]
     curvature: Float[Array, "inner 2*paints"]
@@ -107,18 +108,18 @@ def optical_thickness(
     return coefficients[:, :paints] @ amounts.T, coefficients[:, paints:] @ amounts.T
 
 
-def readings(unknowns: Unknowns, problem: Problem, response: Response) -> Float[Array, "bands films 2"]:
+def readings(unknowns: Unknowns, problem: JointProblem, response: Response) -> Float[Array, "bands films 2"]:
     """What the instrument reads over both cards."""
     kd, sd = optical_thickness(unknowns, problem.shares, problem.minor)
     gloss = jnp.exp(problem.shares @ unknowns.paints[:, 0] + unknowns.films[:, 1])
     return problem.surface * gloss[:, None] + response.body(kd[..., None], sd[..., None], problem.ground)
 
 
-def residuals(unknowns: Unknowns, args: tuple[Problem, Response]) -> Residuals:
-    """Residuals of the whole problem."""
+def residuals(unknowns: Unknowns, args: tuple[JointProblem, Response]) -> JointResiduals:
+    """JointResiduals of the whole problem."""
     problem, response = args
     expected = unknowns.films / problem.film_scale
-    return Residuals(
+    return JointResiduals(
         data=(readings(unknowns, problem, response) - problem.reading) * problem.weight,
         curvature=(problem.curvature @ unknowns.bands) * problem.stiffness,
         pull=(unknowns.bands - problem.pull[:, 0]) * problem.pull[:, 1],
@@ -129,10 +130,7 @@ def residuals(unknowns: Unknowns, args: tuple[Problem, Response]) -> Residuals:
 
 def heavy_tail(x: Float[Array, "*shape"], freedom: Float[Array, ""]) -> Float[Array, "*shape"]:
     """Residual whose square is minus twice the log density of Student's t, up to a constant."""
-    square = x**2 / freedom
-    near = square < 1e-6
-    safe = jnp.where(near, 1.0, square)
-    return x * jnp.sqrt((freedom + 1.0) / freedom) * jnp.where(near, 1.0 - square / 4, jnp.sqrt(jnp.log1p(safe) / safe))
+    return jnp.sqrt(freedom + 1.0) * root_of_log1p(x / jnp.sqrt(freedom))
 
 
 def model_deviation(

@@ -10,13 +10,14 @@ from glazejax import Pigment
 from ..film.films import Films, Instrument
 from ..film.mixing import MixingLaw
 from .joint_problem import Expectations, Unknowns
+from .result import FittedFilms, delta_e_over_cards
 
 RELATIVE_LIMIT = 0.5
 RULE = f"k and s count as told apart where the joint fit knows each to {RELATIVE_LIMIT:.0%} of its value"
 
 
 @dataclass(frozen=True)
-class JointRecovery:
+class JointRecovery(FittedFilms):
     """Paints recovered jointly. Coefficients are optical thicknesses of a pure film of unit relative thickness.
 
     Attributes:
@@ -98,24 +99,14 @@ class JointRecovery:
         return np.exp(self.shares @ self.unknowns.paints[:, 0] + self.unknowns.films[:, 1])
 
     @property
-    def rmse(self) -> Float[np.ndarray, "films"]:
-        """Root mean square of measured minus fitted reflectance, both cards together."""
-        off = [self.fitted_black - self.films.over_black, self.fitted_white - self.films.over_white]
-        return np.sqrt(np.mean(np.square(off), axis=(0, 2)))
-
-    @property
     def chi_square(self) -> Float[np.ndarray, "films"]:
         """Mean squared residual of each film in units of what was expected."""
-        off = np.stack([self.fitted_black - self.films.over_black, self.fitted_white - self.films.over_white], axis=1)
-        return np.mean((off / self.residual_sd) ** 2, axis=(1, 2))
+        return np.mean((self.residual / self.residual_sd) ** 2, axis=(1, 2))
 
     def delta_e(self, illuminant: str = "D65", observer: str | int = 10) -> Float[np.ndarray, "films 2"]:
         """CIEDE2000 of fitted from measured spectra, over black and over white."""
-        from glazejax.colour import delta_e_of_spectra
-
-        pairs = ((self.fitted_black, self.films.over_black), (self.fitted_white, self.films.over_white))
-        seen_by = {"illuminant": illuminant, "observer": observer}
-        return np.stack([delta_e_of_spectra(self.wavelengths, *pair, **seen_by) for pair in pairs], axis=-1)
+        fitted, measured = (self.fitted_black, self.fitted_white), (self.films.over_black, self.films.over_white)
+        return delta_e_over_cards(self.wavelengths, fitted, measured, illuminant, observer)
 
     def recipe(self, film: int) -> dict[str, float]:
         """Paints of a film, by number, and the share of each, in the order of `paints`."""

@@ -16,7 +16,8 @@ import lineax as lx
 from jax.scipy.linalg import cho_solve, solve_triangular
 from jaxtyping import Array, Float, PyTree
 
-from .joint_problem import Residuals, Unknowns
+from ..film.least_squares import FullRankSolver
+from .joint_problem import JointResiduals, Unknowns
 
 
 class Normal(NamedTuple):
@@ -37,7 +38,7 @@ class Factors(NamedTuple):
     corner: Float[Array, "shared shared"]
 
 
-class JointSteps(lx.AbstractLinearSolver[Any]):
+class JointSteps(FullRankSolver[Any]):
     """lineax solver for the damped least-squares operator of `joint_problem.residuals`.
 
     Not for vmap: it factorises with LAPACK, one matrix at a time.
@@ -61,35 +62,23 @@ class JointSteps(lx.AbstractLinearSolver[Any]):
         (gradient,) = jax.linear_transpose(operator.mv, operator.in_structure())(vector)
         return solve(factors, gradient), lx.RESULTS.successful, {}
 
-    def transpose(self, state: Any, options: dict[str, Any]):
-        """Not offered: the transposed problem is underdetermined."""
-        raise NotImplementedError("JointSteps solves least-squares problems; it has no transpose")
-
-    def conj(self, state: Any, options: dict[str, Any]) -> tuple[Any, dict[str, Any]]:
-        """Factors of the conjugate operator: the same, for real ones."""
-        return state, options
-
-    def assume_full_rank(self) -> bool:
-        """Whether the solver relies on full column rank; the priors give it."""
-        return True
-
 
 def normal_matrix(
     operator: lx.AbstractLinearOperator,
     curvature: Float[Array, "bands bands"],
     stiffness: Float[Array, "2*paints"],
 ) -> Normal:
-    """Normal matrix from an operator whose output is `Residuals`, or that and the damping's own part."""
+    """Normal matrix from an operator whose output is `JointResiduals`, or that and the damping's own part."""
     zero = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), operator.in_structure())
     bands, local = zero.bands.shape
     films, each = zero.films.shape
     paints = zero.paints.size
 
-    def along(step: Unknowns) -> tuple[Residuals, Unknowns]:
+    def along(step: Unknowns) -> tuple[JointResiduals, Unknowns]:
         out: Any = operator.mv(step)
-        return (out, zero) if isinstance(out, Residuals) else out
+        return (out, zero) if isinstance(out, JointResiduals) else out
 
-    def columns(name: str, steps: Float[Array, "columns ..."]) -> tuple[Residuals, Unknowns]:
+    def columns(name: str, steps: Float[Array, "columns ..."]) -> tuple[JointResiduals, Unknowns]:
         return jax.vmap(lambda step: along(zero._replace(**{name: step})))(steps)
 
     every_band = jnp.broadcast_to(jnp.eye(local)[:, None], (local, bands, local))

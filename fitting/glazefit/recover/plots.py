@@ -1,13 +1,23 @@
-"""One picture a paint: its spectra as measured and as fitted, and its k and s with their errors."""
+"""Pictures of a recovery: one a paint, with its spectra and its k and s; and the films that were left out."""
 
+import textwrap
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
+from jaxtyping import Bool, Float
 
+from glazejax.plots import ABSORPTION, OVER_BLACK, OVER_WHITE, SCATTERING, label_spectra, picture
+
+from .crossvalidation import LeftOut
+from .joint_result import JointRecovery
 from .result import Recovery
 
-_BLACK, _WHITE = "#333333", "#b8860b"
-_ABSORPTION, _SCATTERING = "#8c2d04", "#08519c"
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_SHOWN = 6
+_COLUMNS = 6
 
 
 def plot_paint(recovery: Recovery, row: int, thickness: float, path: Path) -> None:
@@ -19,48 +29,117 @@ def plot_paint(recovery: Recovery, row: int, thickness: float, path: Path) -> No
         thickness: assumed, m.
         path: of the picture; its ending chooses the format.
     """
-    from matplotlib.figure import Figure
-
     films, grid = recovery.films, recovery.films.wavelengths
-    figure = Figure(figsize=(10, 4.2), layout="constrained")
-    spectra, coefficients = figure.subplots(1, 2)
-    for measured, fitted, colour, card in (
-        (films.over_white[row], recovery.fitted_white[row], _WHITE, "white"),
-        (films.over_black[row], recovery.fitted_black[row], _BLACK, "black"),
-    ):
-        spectra.plot(grid, measured, "o", color=colour, ms=4, mfc="none", label=f"over {card}, measured")
-        spectra.plot(grid, fitted, "-", color=colour, lw=1.2, label=f"over {card}, fitted")
-    spectra.plot(grid, films.bare_white[row], ":", color="0.6", lw=1, label="bare cards")
-    spectra.plot(grid, films.bare_black[row], ":", color="0.6", lw=1)
-    spectra.set(xlabel="wavelength (nm)", ylabel="reflectance", ylim=(0, 1))
-    spectra.legend(frameon=False, fontsize=8)
-    gloss = "" if recovery.gloss[row] == 1 else f", gloss {recovery.gloss[row]:.2f}"
-    spectra.set_title(f"{films.names[row]}: RMSE {recovery.rmse[row]:.5f}{gloss}", fontsize=10)
+    with picture(path, 10, 4.2) as figure:
+        spectra, coefficients = figure.subplots(1, 2)
+        for measured, fitted, colour, card in (
+            (films.over_white[row], recovery.fitted_white[row], OVER_WHITE, "white"),
+            (films.over_black[row], recovery.fitted_black[row], OVER_BLACK, "black"),
+        ):
+            spectra.plot(grid, measured, "o", color=colour, ms=4, mfc="none", label=f"over {card}, measured")
+            spectra.plot(grid, fitted, "-", color=colour, lw=1.2, label=f"over {card}, fitted")
+        spectra.plot(grid, films.bare_white[row], ":", color="0.6", lw=1, label="bare cards")
+        spectra.plot(grid, films.bare_black[row], ":", color="0.6", lw=1)
+        label_spectra(spectra, ylim=(0, 1))
+        spectra.legend()
+        gloss = "" if recovery.gloss[row] == 1 else f", gloss {recovery.gloss[row]:.2f}"
+        spectra.set_title(f"{films.names[row]}: RMSE {recovery.rmse[row]:.5f}{gloss}")
 
-    known = recovery.identifiable[row]
-    lower, upper = recovery.interval()
-    for n, (values, colour, name) in enumerate(
-        ((recovery.absorption, _ABSORPTION, "absorption k"), (recovery.scattering, _SCATTERING, "scattering s"))
-    ):
-        value = values[row] / thickness
-        coefficients.plot(grid, np.where(known, value, np.nan), "-o", color=colour, ms=3, label=name)
-        coefficients.plot(grid, value, ":", color=colour, lw=1)
-        coefficients.fill_between(
-            grid,
-            np.maximum(lower[row, :, n] / thickness, 1.0),
-            upper[row, :, n] / thickness,
-            where=known.tolist(),
-            color=colour,
-            alpha=0.2,
-            lw=0,
-        )
+        known = recovery.identifiable[row]
+        values = np.stack([recovery.absorption[row], recovery.scattering[row]], axis=-1) / thickness
+        lower, upper = (ends[row] / thickness for ends in recovery.interval())
+        _draw_coefficients(coefficients, grid, values, np.maximum(lower, 1.0), upper, known)
+        coefficients.set_ylim(max(values.max() * 1e-6, values.min() / 2, 1.0), values.max() * 3)
+        coefficients.set_title(f"if the film is {thickness * 1e6:g} µm thick; bands of 95 %")
+
+
+def plot_joint_paint(recovery: JointRecovery, row: int, thickness: float, path: Path) -> None:
+    """Draw one paint.
+
+    Args:
+        recovery: joint recovery.
+        row: number of the paint.
+        thickness: of a film of unit relative thickness, m.
+        path: of the picture; its ending chooses the format.
+    """
+    import matplotlib
+
+    grid, films, paint = recovery.wavelengths, recovery.films, recovery.paints[row]
+    holding = np.flatnonzero(recovery.shares[:, row] > 0)
+    shown = holding[np.argsort(-recovery.shares[holding, row])][:_SHOWN]
+    colours = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.88, max(len(shown), 1)))
+    with picture(path, 11, 4.4) as figure:
+        spectra, coefficients = figure.subplots(1, 2)
+        for film, colour in zip(shown, colours, strict=False):
+            words = _recipe(recovery, int(film))
+            spectra.plot(grid, films.over_white[film], "o", color=colour, ms=3.5, mfc="none", label=words)
+            spectra.plot(grid, films.over_black[film], "s", color=colour, ms=3, mfc="none", alpha=0.6)
+            spectra.plot(grid, recovery.fitted_white[film], "-", color=colour, lw=1.1)
+            spectra.plot(grid, recovery.fitted_black[film], "--", color=colour, lw=1.0)
+        label_spectra(spectra, ylim=(0, 1))
+        spectra.legend(fontsize=7, loc="upper left")
+        more = f" ({len(shown)} of its {len(holding)} films)" if len(holding) > len(shown) else ""
+        spectra.set_title(f"{paint}{more}: over white (circles), over black (squares), lines fitted", fontsize=9)
+
+        values = np.stack([recovery.absorption[row], recovery.scattering[row]], axis=-1) / thickness
+        factor = np.exp(1.96 * recovery.log_sd[:, row].T)
+        _draw_coefficients(coefficients, grid, values, values / factor, values * factor, np.ones(grid.size, bool))
+        coefficients.set_ylim(values.min() / 4, values.max() * 4)
+        coefficients.set_title(f"if a typical film is {thickness * 1e6:g} µm thick; bands of 95 %", fontsize=9)
+
+
+def _draw_coefficients(
+    axes: "Axes",
+    grid: Float[np.ndarray, "bands"],
+    values: Float[np.ndarray, "bands 2"],
+    lower: Float[np.ndarray, "bands 2"],
+    upper: Float[np.ndarray, "bands 2"],
+    known: Bool[np.ndarray, "bands"],
+) -> None:
+    """k and s in 1/m with their bands, dotted where only their ratio is known."""
+    for n, (colour, name) in enumerate(((ABSORPTION, "absorption k"), (SCATTERING, "scattering s"))):
+        axes.plot(grid, np.where(known, values[:, n], np.nan), "-o", color=colour, ms=3, label=name)
+        axes.plot(grid, values[:, n], ":", color=colour, lw=1)
+        axes.fill_between(grid, lower[:, n], upper[:, n], where=known.tolist(), color=colour, alpha=0.2, lw=0)
     if not known.all():
-        coefficients.plot([], [], ":", color="0.4", lw=1, label="too opaque: only k/s is known")
-    everything = np.concatenate([recovery.absorption[row], recovery.scattering[row]]) / thickness
-    floor = max(everything.max() * 1e-6, everything.min() / 2, 1.0)
-    coefficients.set(
-        xlabel="wavelength (nm)", ylabel="coefficient (1/m)", yscale="log", ylim=(floor, everything.max() * 3)
-    )
-    coefficients.legend(frameon=False, fontsize=8)
-    coefficients.set_title(f"if the film is {thickness * 1e6:g} µm thick; bands of 95 %", fontsize=10)
-    figure.savefig(path, dpi=110)
+        axes.plot([], [], ":", color="0.4", lw=1, label="too opaque: only k/s is known")
+    label_spectra(axes, "coefficient (1/m)", yscale="log")
+    axes.legend()
+
+
+def plot_left_out(recovery: JointRecovery, out: LeftOut, path: Path) -> None:
+    """Draw every film that was left out: as measured, as predicted, and the prediction's 90 % band.
+
+    Args:
+        recovery: of all films.
+        out: films left out of it.
+        path: of the picture; its ending chooses the format.
+    """
+    columns = min(_COLUMNS, len(out.names))
+    rows = -(-len(out.names) // columns)
+    with picture(path, 2.5 * columns + 0.4, 2.0 * rows + 0.9) as figure:
+        axes = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+        for axis in axes.flat[len(out.names) :]:
+            axis.set_axis_off()
+        for i, (axis, found) in enumerate(zip(axes.flat, out.predictions, strict=False)):
+            low, high = found.interval()
+            for card, (spectrum, colour) in enumerate(((found.over_black, OVER_BLACK), (found.over_white, OVER_WHITE))):
+                axis.fill_between(found.wavelengths, low[card], high[card], color=colour, alpha=0.18, lw=0)
+                axis.plot(found.wavelengths, spectrum, "-", color=colour, lw=1.1)
+                axis.plot(found.wavelengths, out.measured[i, card], "o", color=colour, ms=2.2, mfc="none", mew=0.7)
+            recipe = _recipe(recovery, recovery.films.names.index(found.name)).replace(" + ", "\n+ ")
+            axis.set_title(f"{recipe}\nΔE00 {out.predicted[i].mean():.1f}", fontsize=7, loc="left")
+            axis.set_ylim(0, 1)
+            axis.tick_params(labelsize=7)
+        figure.supxlabel("wavelength (nm)", fontsize=8)
+        figure.supylabel("reflectance", fontsize=8)
+        words = "Films left out of the fit: measured over black (dark) and white (light), predicted (lines), 90 % bands"
+        figure.suptitle(textwrap.fill(words, 40 * columns), fontsize=9)
+
+
+def _recipe(recovery: JointRecovery, film: int) -> str:
+    """Recipe of a film in short."""
+    parts = sorted(recovery.recipe(film).items(), key=lambda part: -part[1])
+    if len(parts) == 1:
+        return f"{recovery.films.names[film]} pure"
+    return f"{recovery.films.names[film]} " + " + ".join(f"{share:.3g} {paint}" for paint, share in parts)

@@ -20,6 +20,7 @@ from ..film.mixing import strengthen
 from ..film.response import Response, film_response
 from .joint_problem import Unknowns, model_deviation
 from .joint_result import JointRecovery
+from .result import delta_e_over_cards
 
 # Errors of k and s that a paint has in one film beside others. With these, nine tenths of the readings of films that
 # were left out lie in their 90 % bands (benchmarks/prediction.py).
@@ -67,11 +68,8 @@ class Prediction:
         observer: str | int = 10,
     ) -> Float[np.ndarray, "*n 2"]:
         """CIEDE2000 between the prediction and other spectra, over black and over white."""
-        from glazejax.colour import delta_e_of_spectra
-
-        pairs = ((self.over_black, over_black), (self.over_white, over_white))
-        seen_by = {"illuminant": illuminant, "observer": observer}
-        return np.stack([delta_e_of_spectra(self.wavelengths, *pair, **seen_by) for pair in pairs], axis=-1)
+        predicted, others = (self.over_black, self.over_white), (over_black, over_white)
+        return delta_e_over_cards(self.wavelengths, predicted, others, illuminant, observer)
 
     def expected_error(self, illuminant: str = "D65", observer: str | int = 10) -> float:
         """Mean CIEDE2000 that the prediction is expected to be off, over both cards."""
@@ -114,7 +112,7 @@ def predict_films(
     out = []
     for row, name in enumerate(films.names):
         measured = np.stack([films.over_black[row], films.over_white[row]], axis=-1)
-        film = _Film(
+        film = _MeasuredFilm(
             _shares(recovery, name, recipes),
             np.stack([black[row], white[row]], axis=-1),
             measured,
@@ -128,7 +126,7 @@ def predict_films(
     return out
 
 
-class _Film(NamedTuple):
+class _MeasuredFilm(NamedTuple):
     """One film."""
 
     share: Float[np.ndarray, "paints"]
@@ -151,7 +149,7 @@ def _shares(
 def _spectra(
     recovery: JointRecovery,
     response: Response,
-    film: _Film,
+    film: _MeasuredFilm,
     unknowns: Unknowns,
     off: Float[np.ndarray, "draws bands coefficients"],
 ) -> tuple[Float[np.ndarray, "draws"], Float[np.ndarray, "draws"], Float[np.ndarray, "draws 2 bands"]]:

@@ -1,16 +1,20 @@
-"""What a recovery tells its user: a table on the screen, and the files it leaves."""
+"""What a recovery, film by film or joint, tells its user: tables on the screen, and the files it leaves."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Bool, Float
 from rich.console import Console
-from rich.table import Table
 
 from glazejax.io import write_table
+from glazejax.report import plain_table
+from glazejax.spectra import ranges
 
+from .crossvalidation import LeftOut
+from .joint_result import RELATIVE_LIMIT, JointRecovery
+from .joint_result import RULE as JOINT_RULE
 from .result import RULE, Recovery
 
 PIGMENT_COLUMNS = (
@@ -22,15 +26,29 @@ PIGMENT_COLUMNS = (
     "scattering_sd",
     "identifiable",
 )
-
-
-def ranges(wavelengths: Float[np.ndarray, "bands"], chosen: Bool[np.ndarray, "bands"]) -> str:
-    """The chosen bands in words, such as ``400-470, 600 nm``."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], chosen.astype(int), [0]])))
-    runs = [(wavelengths[a], wavelengths[b - 1]) for a, b in zip(edges[::2], edges[1::2], strict=True)]
-    if not runs:
-        return "none"
-    return ", ".join(f"{a:g}" if a == b else f"{a:g}-{b:g}" for a, b in runs) + " nm"
+FILM_COLUMNS = (
+    "film",
+    "recipe",
+    "relative_thickness",
+    "relative_thickness_sd",
+    "gloss",
+    "weight_error",
+    "rmse",
+    "delta_e_black",
+    "delta_e_white",
+)
+LEFT_OUT_COLUMNS = (
+    "film",
+    "recipe",
+    "delta_e_black",
+    "delta_e_white",
+    "delta_e_expected",
+    "inside_90_percent_band",
+    "delta_e_fitted_black",
+    "delta_e_fitted_white",
+)
+# A weight that the fit wants changed by more than this is worth a second look at the recipe.
+_SUSPECT = 0.3
 
 
 def print_summary(recovery: Recovery, console: Console, seconds: float, first: float) -> None:
@@ -42,15 +60,8 @@ def print_summary(recovery: Recovery, console: Console, seconds: float, first: f
         seconds: the recovery took.
         first: seconds until the first chunk was done, with what was compiled for it.
     """
-    table = Table(
-        title=f"{len(recovery)} paints in {seconds:.1f} s ({first:.1f} s to compile and do the first few)",
-        title_justify="left",
-        box=None,
-    )
-    table.add_column("paint", overflow="fold")
-    for title in ("RMSE", "ΔE00 D65", "ΔE00 A", "gloss"):
-        table.add_column(title, justify="right", no_wrap=True)
-    table.add_column("k, s known", justify="right", no_wrap=True)
+    title = f"{len(recovery)} paints in {seconds:.1f} s ({first:.1f} s to compile and do the first few)"
+    table = plain_table("paint", "RMSE", "ΔE00 D65", "ΔE00 A", "gloss", "k, s known", title=title)
     d65, a = recovery.delta_e("D65"), recovery.delta_e("A")
     bands = recovery.films.wavelengths.size
     for row, name in enumerate(recovery.films.names):
@@ -106,29 +117,32 @@ def _with_error(value: float, sd: float) -> str:
 
 def write_pigments(recovery: Recovery, thickness: float, path: Path, *, overwrite: bool = False) -> None:
     """Write k and s in 1/m for a film this thick (m), a line a paint and wavelength."""
-    columns = [
-        recovery.absorption / thickness,
-        recovery.scattering / thickness,
-        recovery.absorption_sd / thickness,
-        recovery.scattering_sd / thickness,
-    ]
-    rows = (
-        (name, f"{wavelength:g}", *(f"{column[i, j]:.6g}" for column in columns), bool(recovery.identifiable[i, j]))
-        for i, name in enumerate(recovery.films.names)
-        for j, wavelength in enumerate(recovery.films.wavelengths)
-    )
-    write_table(path, PIGMENT_COLUMNS, rows, overwrite=overwrite)
+    columns = (recovery.absorption, recovery.scattering, recovery.absorption_sd, recovery.scattering_sd)
+    rows = _band_rows(recovery.films.names, recovery.films.wavelengths, [column / thickness for column in columns])
+    write_table(path, PIGMENT_COLUMNS, _flagged(rows, recovery.identifiable), overwrite=overwrite)
+
+
+def _band_rows(
+    names: Sequence[str], wavelengths: Float[np.ndarray, "bands"], columns: Sequence[Float[np.ndarray, "names bands"]]
+) -> Iterator[tuple[object, ...]]:
+    """A row a name and wavelength."""
+    for i, name in enumerate(names):
+        for j, wavelength in enumerate(wavelengths):
+            yield name, f"{wavelength:g}", *(f"{column[i, j]:.6g}" for column in columns)
+
+
+def _flagged(
+    rows: Iterator[tuple[object, ...]], flags: Bool[np.ndarray, "names bands"]
+) -> Iterator[tuple[object, ...]]:
+    """The rows of `_band_rows`, each with whether k and s are told apart."""
+    return ((*row, flag) for row, flag in zip(rows, flags.ravel().tolist(), strict=True))
 
 
 def write_fits(recovery: Recovery, path: Path, *, overwrite: bool = False) -> None:
     """Write the ratio k/s and the fitted spectra, a line a paint and wavelength; none needs a thickness."""
     header = ("pigment", "wavelength_nm", "ratio", "ratio_sd", "fitted_over_black", "fitted_over_white")
     columns = [recovery.ratio, recovery.ratio_sd, recovery.fitted_black, recovery.fitted_white]
-    rows = (
-        (name, f"{wavelength:g}", *(f"{column[i, j]:.6g}" for column in columns))
-        for i, name in enumerate(recovery.films.names)
-        for j, wavelength in enumerate(recovery.films.wavelengths)
-    )
+    rows = _band_rows(recovery.films.names, recovery.films.wavelengths, columns)
     write_table(path, header, rows, overwrite=overwrite)
 
 
@@ -141,11 +155,144 @@ def write_plots(recovery: Recovery, thickness: float, folder: Path, step: Callab
     """Draw every paint to its own file, and call `step` after each."""
     from .plots import plot_paint
 
+    for row, path in enumerate(_pictures(recovery.films.names, folder)):
+        plot_paint(recovery, row, thickness, path)
+        step()
+
+
+def _pictures(names: Sequence[str], folder: Path) -> Iterator[Path]:
+    """A file for each name, all different also where the file system takes capitals for small letters."""
     taken: set[str] = set()
-    for row, name in enumerate(recovery.films.names):
+    for name in names:
         stem = slug(name)
         while stem.lower() in taken:
             stem += "_"
         taken.add(stem.lower())
-        plot_paint(recovery, row, thickness, folder / f"{stem}.png")
+        yield folder / f"{stem}.png"
+
+
+def print_joint(recovery: JointRecovery, console: Console, seconds: float) -> None:
+    """Print a line a paint and a line a film."""
+    sd = np.median(recovery.log_sd, axis=2)
+    ratio = np.median(recovery.log_ratio_sd, axis=1)
+    bands = recovery.wavelengths.size
+    title = f"{len(recovery.paints)} paints from {len(recovery.films)} films in {seconds:.1f} s"
+    table = plain_table("paint", "films", "error of k", "of s", "of k/s", "k, s told apart", title=title)
+    for row, paint in enumerate(recovery.paints):
+        table.add_row(
+            paint,
+            f"{(recovery.shares[:, row] > 0).sum()}",
+            *(_per_cent(value) for value in (sd[0, row], sd[1, row], ratio[row])),
+            f"{recovery.identifiable[row].sum()}/{bands} bands",
+        )
+    console.print(table)
+    console.print(f"[dim]Errors: median over the bands, one standard deviation. Rule: {JOINT_RULE}.[/dim]")
+    for row in np.flatnonzero(~recovery.identifiable.all(axis=1)).tolist():
+        wide = recovery.log_sd[:, row] > RELATIVE_LIMIT
+        where = [
+            f"{name} at {ranges(recovery.wavelengths, bands)}"
+            for name, bands in zip("ks", wide, strict=True)
+            if bands.any()
+        ]
+        console.print(f"  {recovery.paints[row]}: not known to {RELATIVE_LIMIT:.0%}: {'; '.join(where)}")
+    difference = recovery.delta_e()
+    console.print(
+        f"Fitted films: ΔE00 (D65, 10°) {difference.mean():.2f} on average, {difference.max():.2f} at most "
+        f"({recovery.films.names[int(difference.max(axis=1).argmax())]}); gloss of the paints from "
+        f"{recovery.gloss.min():.2f} to {recovery.gloss.max():.2f}."
+    )
+    for film, paint, factor in suspects(recovery):
+        console.print(
+            f"[yellow]{recovery.films.names[film]}: reads as if it held {factor:.2g} times the {paint} that its "
+            "recipe says.[/yellow]"
+        )
+    if not recovery.converged:
+        console.print(f"[yellow]The solver did not settle in {recovery.steps} steps.[/yellow]")
+
+
+def _per_cent(log_sd: float) -> str:
+    return f"{log_sd:.0%}" if log_sd < 1 else f"factor {np.exp(log_sd):.1f}"
+
+
+def suspects(recovery: JointRecovery) -> list[tuple[int, str, float]]:
+    """Films whose weights the fit wants changed much: film, paint, and by what factor."""
+    found = []
+    for film, errors in enumerate(recovery.unknowns.films[:, 2:]):
+        order = np.argsort(-recovery.shares[film])
+        for place, error in enumerate(errors):
+            if abs(error) > _SUSPECT:
+                found.append((film, recovery.paints[order[1 + place]], float(np.exp(error))))
+    return found
+
+
+def write_joint_pigments(recovery: JointRecovery, thickness: float, path: Path, *, overwrite: bool = False) -> None:
+    """Write k and s in 1/m for a pure film of unit relative thickness this thick (m), a line a paint and wavelength."""
+    k, s = recovery.absorption / thickness, recovery.scattering / thickness
+    rows = _band_rows(recovery.paints, recovery.wavelengths, [k, s, k * recovery.log_sd[0], s * recovery.log_sd[1]])
+    write_table(path, PIGMENT_COLUMNS, _flagged(rows, recovery.identifiable), overwrite=overwrite)
+
+
+def write_joint_films(recovery: JointRecovery, path: Path, *, overwrite: bool = False) -> None:
+    """Write what the fit says of each film: thickness, gloss, errors of weights and how well it is met."""
+    difference = recovery.delta_e()
+    each = recovery.unknowns.films.shape[1]
+    thickness_sd = np.sqrt(np.diagonal(recovery.shared_covariance))[: len(recovery.films) * each : each]
+
+    rows = (
+        (
+            name,
+            _recipe(recovery, row),
+            f"{recovery.thickness[row]:.4g}",
+            f"{recovery.thickness[row] * thickness_sd[row]:.2g}",
+            f"{recovery.gloss[row]:.3f}",
+            " ".join(f"{np.exp(error):.3f}" for error in recovery.unknowns.films[row, 2:] if error != 0) or "1",
+            f"{recovery.rmse[row]:.5f}",
+            *(f"{value:.3f}" for value in difference[row]),
+        )
+        for row, name in enumerate(recovery.films.names)
+    )
+    write_table(path, FILM_COLUMNS, rows, overwrite=overwrite)
+
+
+def _recipe(recovery: JointRecovery, row: int) -> str:
+    return " + ".join(f"{paint} {100 * share:.3g}%" for paint, share in recovery.recipe(row).items())
+
+
+def print_left_out(out: LeftOut, console: Console) -> None:
+    """Say how well films that were left out of the fit were predicted by the others."""
+    off = out.predicted.mean(axis=1)
+    worst = int(off.argmax())
+    console.print(
+        f"Left out in turn and predicted from their recipes, {len(out.names)} mixtures: ΔE00 (D65, 10°) "
+        f"{off.mean():.2f} on average, median {np.median(off):.2f}, {off[worst]:.2f} at most ({out.names[worst]}); "
+        f"{out.inside.mean():.0%} of the readings lie in the 90 % bands."
+    )
+    if not out.complete:
+        console.print("[yellow]Interrupted: the mixtures that follow were not left out.[/yellow]")
+
+
+def write_left_out(recovery: JointRecovery, out: LeftOut, path: Path, *, overwrite: bool = False) -> None:
+    """Write how well each film was predicted by the others, and how well it said it would be."""
+    rows = (
+        (
+            name,
+            _recipe(recovery, recovery.films.names.index(name)),
+            *(f"{value:.3f}" for value in out.predicted[i]),
+            f"{out.expected[i]:.3f}",
+            f"{out.inside[i]:.3f}",
+            *(f"{value:.3f}" for value in out.fitted[i]),
+        )
+        for i, name in enumerate(out.names)
+    )
+    write_table(path, LEFT_OUT_COLUMNS, rows, overwrite=overwrite)
+
+
+def write_joint_plots(
+    recovery: JointRecovery, thickness: float, folder: Path, step: Callable[[], object] = lambda: None
+) -> None:
+    """Draw every paint to its own file, and call `step` after each."""
+    from .plots import plot_joint_paint
+
+    for row, path in enumerate(_pictures(recovery.paints, folder)):
+        plot_joint_paint(recovery, row, thickness, path)
         step()

@@ -42,8 +42,42 @@ def told_apart(
     return precise & (contrast >= CONTRAST_LIMIT)
 
 
+class FittedFilms:
+    """How well fitted spectra meet films over two cards."""
+
+    films: Films
+    fitted_black: Float[np.ndarray, "films bands"]
+    fitted_white: Float[np.ndarray, "films bands"]
+
+    @property
+    def residual(self) -> Float[np.ndarray, "films 2 bands"]:
+        """Fitted minus measured reflectance, over black and over white."""
+        films = self.films
+        return np.stack([self.fitted_black - films.over_black, self.fitted_white - films.over_white], axis=1)
+
+    @property
+    def rmse(self) -> Float[np.ndarray, "films"]:
+        """Root mean square of measured minus fitted reflectance, both cards together."""
+        return np.sqrt(np.mean(self.residual**2, axis=(1, 2)))
+
+
+def delta_e_over_cards(
+    wavelengths: Float[np.ndarray, "bands"],
+    found: tuple[np.ndarray, np.ndarray],
+    wanted: tuple[np.ndarray, np.ndarray],
+    illuminant: str,
+    observer: str | int = 2,
+) -> Float[np.ndarray, "*n 2"]:
+    """CIEDE2000 between spectra over black and over white, (..., bands) each, and others of such films."""
+    from glazejax.colour import delta_e_of_spectra
+
+    seen_by = {"illuminant": illuminant, "observer": observer}
+    pairs = zip(found, wanted, strict=True)
+    return np.stack([delta_e_of_spectra(wavelengths, *pair, **seen_by) for pair in pairs], axis=-1)
+
+
 @dataclass(frozen=True)
-class Recovery:
+class Recovery(FittedFilms):
     """Recovered films.
 
     Attributes:
@@ -95,19 +129,11 @@ class Recovery:
         slope = np.stack([1.0 / self.scattering, -self.absorption / self.scattering**2], axis=-1)
         return np.sqrt(np.einsum("...i,...ij,...j->...", slope, self.covariance, slope))
 
-    @property
-    def rmse(self) -> Float[np.ndarray, "films"]:
-        """Root mean square of measured minus fitted reflectance, both cards together."""
-        off = [self.fitted_black - self.films.over_black, self.fitted_white - self.films.over_white]
-        return np.sqrt(np.mean(np.square(off), axis=(0, 2)))
-
     def delta_e(self, illuminant: str) -> Float[np.ndarray, "films"]:
         """The larger CIEDE2000 difference of the two fitted spectra from the measured ones, 2 degree observer."""
-        from glazejax.colour import delta_e_of_spectra
-
-        grid = self.films.wavelengths
-        pairs = ((self.fitted_black, self.films.over_black), (self.fitted_white, self.films.over_white))
-        return np.max([delta_e_of_spectra(grid, *pair, illuminant=illuminant) for pair in pairs], axis=0)
+        films = self.films
+        fitted = self.fitted_black, self.fitted_white
+        return delta_e_over_cards(films.wavelengths, fitted, (films.over_black, films.over_white), illuminant).max(-1)
 
     def interval(self, quantile: float = 1.96) -> tuple[np.ndarray, np.ndarray]:
         """Symmetric intervals of k d and s d, cut at zero: (lower, upper), each (films, bands, 2).

@@ -1,14 +1,14 @@
-"""Pictures. matplotlib is imported when the first one is drawn, and without its global state."""
+"""Picture of a glaze: its spectra, swatches, and its colour coat after coat."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from jaxtyping import Float
 
 from ..colour import CIE_1931, lab, srgb
 from ..extras import require
-from ..plots import FAINT, GRID, INK, hex_colour
+from ..plots import EDGE, FAINT, GRID, INK, hex_colour, label_spectra, style
 from .rendering import Rendering
 
 if TYPE_CHECKING:
@@ -25,16 +25,6 @@ one portion nearest to one coat."""
 _CLIPPED = """
 Colours outside sRGB are clipped."""
 # How each way of layering is drawn and explained.
-_STYLE: dict[Any, Any] = {
-    "font.size": 15,
-    "text.color": INK,
-    "axes.edgecolor": FAINT,
-    "axes.labelcolor": INK,
-    "xtick.color": FAINT,
-    "ytick.color": FAINT,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-}
 _WAYS = {
     "glaze": ("glazejax", "light followed through every coat", "-", 3.2),
     "multiply": ("multiply", "$R_0 (R_1/R_g)^n$, band by band", "--", 2.0),
@@ -71,15 +61,14 @@ def glaze_figure(
         ModuleNotFoundError: matplotlib is not installed.
     """
     require("matplotlib")
-    from matplotlib import rc_context
     from matplotlib.figure import Figure
 
     if len(names) != len(rendering.alone):
         raise ValueError(f"{len(names)} names were given for {len(rendering.alone)} layers")
     paint = _Paint(rendering, {"illuminant": illuminant, "observer": observer})
     last = rendering.ladder.counts[-1]
-    with rc_context(_STYLE):
-        figure = Figure(figsize=(16, 10), facecolor="white")
+    with style({"font.size": 15}):
+        figure = Figure(figsize=(16, 10))
         top = {"top": 0.84, "bottom": 0.6}
         _draw_spectra(figure.add_axes(_box(0.062, 0.615, **top)), paint, names)
         _draw_swatches(figure.add_axes(_box(0.665, 0.975, **top)), paint)
@@ -160,9 +149,7 @@ def _draw_spectra(axes: "Axes", paint: _Paint, names: Sequence[str]) -> None:
             highest = max(highest, float(spectrum.max()))
     axes.fill_between(x, 0, spectra.glaze, color=hex_colour(paint.rgb(spectra.glaze)), alpha=0.18, lw=0)
     axes.plot(x, spectra.glaze, color=paint.ink(spectra.glaze), lw=4, label="the glaze")
-    axes.set(xlim=(x[0], x[-1]), ylim=(0, max(highest * 1.06, 0.05)))
-    axes.set_xlabel("wavelength (nm)")
-    axes.set_ylabel("reflectance")
+    label_spectra(axes, xlim=(x[0], x[-1]), ylim=(0, max(highest * 1.06, 0.05)))
     axes.grid(color=GRID, lw=1)
     axes.set_axisbelow(True)
     handles, labels = axes.get_legend_handles_labels()
@@ -171,7 +158,7 @@ def _draw_spectra(axes: "Axes", paint: _Paint, names: Sequence[str]) -> None:
     columns = min(len(labels), 6 if longest < 12 else 4 if longest < 22 else 3)
     axes.legend(
         handles[::-1], labels[::-1], loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2,
-        frameon=False, ncols=columns, fontsize=13, handlelength=2.2, columnspacing=1.4,
+        ncols=columns, fontsize=13, handlelength=2.2, columnspacing=1.4,
     )  # fmt: skip
 
 
@@ -189,7 +176,7 @@ def _draw_swatches(axes: "Axes", paint: _Paint) -> None:
         )  # fmt: skip
         axes.add_patch(box)
 
-    patch(0.0, 1.0, 0.26, 0.74, ground, "#cfc8bf")
+    patch(0.0, 1.0, 0.26, 0.74, ground, EDGE)
     patch(0.04, 0.58, 0.33, 0.60, glaze, "none")
     for x, what, spectrum in ((0.04, "the glaze", glaze), (0.68, "bare ground", ground)):
         lightness, a, b = (round(float(value), 1) + 0.0 for value in paint.lab(spectrum))

@@ -13,6 +13,7 @@ from rich.text import Text
 from ..colour import delta_e_2000, lab, srgb, xyz
 from ..paint.describe import Coat, format_length
 from ..plots import hex_colour
+from ..report import swatch
 from .rendering import Rendering
 
 # Rounding in a spectrum moves an encoded value by less than this.
@@ -93,7 +94,7 @@ def print_colour(console: Console, rendering: Rendering, request: RenderRequest)
     values = "".join(f"{fixed(v, 2):>9}" for v in (lightness, a, b))
     console.print(Text(f"  L*a*b* {values}  (C* {np.hypot(a, b):.1f}, h {hue:.0f}°)"))
     line = Text("  sRGB   " + "".join(f"{round(255 * float(v)):9d}" for v in np.clip(raw, 0, 1)) + f"  {shade} ")
-    console.print(line + _block(shade))
+    console.print(line + swatch(shade, 4))
     if outside := out_of_gamut(raw):
         console.print(Text(f"         {outside}", style="yellow"))
 
@@ -126,7 +127,7 @@ def print_comparison(console: Console, rendering: Rendering, request: RenderRequ
         values = np.asarray(lab(rendering.wavelengths, spectrum, **request.light))
         shade = hex_colour(srgb(rendering.wavelengths, spectrum, **request.light))
         cells = [*values, float(delta_e_2000(own, values))] if wide else [*values]
-        table.add_row(f" {name}", *(fixed(v) for v in cells), Text(f"{shade} ") + _block(shade))
+        table.add_row(f" {name}", *(fixed(v) for v in cells), Text(f"{shade} ") + swatch(shade, 4))
     console.print()
     console.print(table)
 
@@ -153,7 +154,7 @@ def print_ladder(console: Console, rendering: Rendering, request: RenderRequest)
             lightness, a, b = np.asarray(lab(rendering.wavelengths, spectra[count], **request.light))
             shade = hex_colour(srgb(rendering.wavelengths, spectra[count], **request.light))
             numbers = "" if narrow else f"{lightness:4.0f}{np.hypot(a, b):4.0f} "
-            patch = Text("") if console.width < _NARROW else _block(shade)
+            patch = Text("") if console.width < _NARROW else swatch(shade, 4)
             cells.append(Text(f"{shade}{numbers} ") + patch)
         table.add_row(str(count), *cells)
     console.print(table)
@@ -175,8 +176,3 @@ def print_remarks(console: Console, remarks: Sequence[tuple[str, str]]) -> None:
 def fixed(value: float, places: int = 1) -> str:
     """A number with so many decimals, and never minus zero."""
     return f"{round(float(value), places) + 0.0:.{places}f}"
-
-
-def _block(shade: str) -> Text:
-    """A patch of a colour, for terminals that show colours."""
-    return Text("    ", style=f"on {shade}")

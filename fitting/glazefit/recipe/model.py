@@ -1,4 +1,4 @@
-"""The painter's bench as arrays: paints, ground, instrument and light, and the colour of many coats at once.
+"""What many stacks of coats read, and their colour: paints, ground, instrument and light as arrays.
 
 A stack is an array (coats, paints), top first: what each paint takes of each coat's thickness. Lengths are in
 micrometres here, k and s in 1/micrometre. While a stack is refined it is a few slots, each a paint in a coat with the
@@ -14,12 +14,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from glazejax import Bidirectional, Hemispherical, Pigment, colour
+from glazejax import Hemispherical, Pigment, colour
 from glazejax.geometry import Geometry
 from glazejax.radiative.common.fresnel import dielectric_reflectance
-from glazejax.radiative.stack import stack_hemispherical_reflectance, stack_reflectance_factor
 
-from ..film.response import FilmResponse, film_response, ground_below
+from ..film.optics import Optics
+from ..film.response import FilmResponse, film_response
 
 # A colour difference of a hundredth needs no more of the solver.
 TOLERANCE = 1e-5
@@ -28,22 +28,8 @@ READ_CHUNK = 128
 """Stacks that are solved at a time."""
 
 
-class Optics(NamedTuple):
-    """Instrument and refractive index as plain numbers, which a compiled program takes as constants."""
-
-    cos_incidence: float
-    cos_viewing: float | None  # None for a sphere
-    refractive_index: float
-
-    @classmethod
-    def of(cls, geometry: Geometry, refractive_index: float) -> "Optics":
-        """Plain numbers of an instrument."""
-        viewing = float(np.asarray(geometry.cos_viewing)) if isinstance(geometry, Bidirectional) else None
-        return cls(float(np.asarray(geometry.cos_incidence)), viewing, float(refractive_index))
-
-
-class Bench(NamedTuple):
-    """All that does not change while a recipe is sought."""
+class StackModel(NamedTuple):
+    """Paints, ground, instrument and light: all that does not change while a recipe is sought."""
 
     absorption: Float[Array, "paints bands"]  # 1/um
     scattering: Float[Array, "paints bands"]  # 1/um
@@ -63,7 +49,7 @@ class Slots(NamedTuple):
     used: Bool[Array, "*batch slots"]
 
 
-def make_bench(
+def make_model(
     pigments: Sequence[Pigment],
     ground: float | Float[np.ndarray, "bands"],
     geometry: Geometry,
@@ -71,8 +57,8 @@ def make_bench(
     illuminants: Sequence[str],
     observer: str,
     thickness: tuple[float, float],
-) -> Bench:
-    """Arrays of a bench; thickness in m, k and s in 1/m as everywhere else.
+) -> StackModel:
+    """Model of stacks of some paints; thickness in m, k and s in 1/m as everywhere else.
 
     Args:
         pigments: on one grid.
@@ -87,7 +73,7 @@ def make_bench(
     mirror = isinstance(geometry, Hemispherical) or geometry.incidence == geometry.viewing
     if geometry.specular and mirror:
         surface = float(dielectric_reflectance(jnp.asarray(geometry.cos_incidence), jnp.asarray(refractive_index)))
-    return Bench(
+    return StackModel(
         jnp.stack([p.absorption for p in pigments]) * 1e-6,
         jnp.stack([p.scattering for p in pigments]) * 1e-6,
         jnp.broadcast_to(jnp.asarray(ground, float), grid.shape),
@@ -99,43 +85,43 @@ def make_bench(
     )
 
 
-def lab_of(bench: Bench, spectra: Float[Array, "*batch bands"]) -> Float[Array, "*batch lights 3"]:
-    """L*a*b* of readings under every light of the bench."""
+def lab_of(model: StackModel, spectra: Float[Array, "*batch bands"]) -> Float[Array, "*batch lights 3"]:
+    """L*a*b* of readings under every light of the model."""
     # One dot product a light and component; full precision also on an accelerator.
-    xyz = jnp.tensordot(spectra, bench.weights, axes=1, precision="highest")
-    return colour.xyz_to_lab(xyz, bench.white)
+    xyz = jnp.tensordot(spectra, model.weights, axes=1, precision="highest")
+    return colour.xyz_to_lab(xyz, model.white)
 
 
-def coat_thickness(bench: Bench, total: Float[Array, "*coats"]) -> Float[Array, "*coats"]:
+def coat_thickness(model: StackModel, total: Float[Array, "*coats"]) -> Float[Array, "*coats"]:
     """Thickness of coats, um, within the bounds, from free totals, > 0; they agree in the middle of the range."""
-    low, high = bench.span
+    low, high = model.span
     room = jnp.maximum(high - low, 1e-9)
     return jnp.exp(low + room * jax.nn.sigmoid(4.0 / room * (jnp.log(total) - 0.5 * (low + high))))
 
 
-def free_total(bench: Bench, thickness: Float[np.ndarray, "*coats"]) -> Float[np.ndarray, "*coats"]:
+def free_total(model: StackModel, thickness: Float[np.ndarray, "*coats"]) -> Float[np.ndarray, "*coats"]:
     """The inverse of `coat_thickness`, with bounds moved inwards a little, where the sigmoid has a slope."""
-    low, high = np.asarray(bench.span)
+    low, high = np.asarray(model.span)
     room = max(high - low, 1e-9)
     share = np.clip((np.log(thickness) - low) / room, 0.02, 0.98)
     return np.exp(0.5 * (low + high) + room / 4.0 * (np.log(share) - np.log1p(-share)))
 
 
-def amounts(bench: Bench, slots: Slots, logs: Float[Array, "slots"], coats: int) -> Float[Array, "coats slots"]:
+def amounts(model: StackModel, slots: Slots, logs: Float[Array, "slots"], coats: int) -> Float[Array, "coats slots"]:
     """What each paint takes of its coat's thickness, um, from logarithms of free amounts; for one candidate."""
     member = slots.used & (slots.coat == jnp.arange(coats)[:, None])
     free = jnp.where(member, jnp.exp(logs), 0.0)
     total = jnp.where(member.any(axis=1), free.sum(axis=1), 1.0)
-    return free * (coat_thickness(bench, total) / total)[:, None]
+    return free * (coat_thickness(model, total) / total)[:, None]
 
 
 def fill_slots(
-    bench: Bench, sizes: Float[np.ndarray, "n coats paints"], count: int
+    model: StackModel, sizes: Float[np.ndarray, "n coats paints"], count: int
 ) -> tuple[Slots, Float[np.ndarray, "n count"]]:
     """Slots and logarithms of free amounts of stacks.
 
     Args:
-        bench: its bounds hold.
+        model: its bounds hold.
         sizes: what each paint takes of each coat's thickness, um, 0 where it is not there.
         count: number of slots, at least the number of amounts above 0.
     """
@@ -146,7 +132,7 @@ def fill_slots(
     used = np.arange(count) < (flat > 0).sum(axis=1)[:, None]
     coat, paint = np.divmod(np.where(used, order, 0), sizes.shape[2])
     total = sizes.sum(axis=2)
-    scale = free_total(bench, np.maximum(total, 1e-9)) / np.maximum(total, 1e-9)
+    scale = free_total(model, np.maximum(total, 1e-9)) / np.maximum(total, 1e-9)
     free = np.take_along_axis((sizes * scale[:, :, None]).reshape(len(sizes), -1), np.where(used, order, 0), axis=1)
     return Slots(jnp.asarray(paint), jnp.asarray(coat), jnp.asarray(used)), np.where(
         used, np.log(np.where(used, free, 1.0)), 0.0
@@ -163,52 +149,37 @@ def empty_slots(
 
 
 def quick_reading(
-    bench: Bench, kd: Float[Array, "*batch coats bands"], sd: Float[Array, "*batch coats bands"]
+    model: StackModel, kd: Float[Array, "*batch coats bands"], sd: Float[Array, "*batch coats bands"]
 ) -> Float[Array, "*batch bands"]:
     """What the instrument reads, by the table: exact for one coat.
 
     A lower coat counts as the Lambertian ground that would read the same when bare, so that two coats are right to
     about one Delta E. It serves to choose what to look at more closely.
     """
-    ground = bench.ground
+    ground = model.ground
     body = ground
     for coat in reversed(range(kd.shape[-2])):
-        body = bench.film.body(kd[..., coat, :], sd[..., coat, :], ground)
+        body = model.film.body(kd[..., coat, :], sd[..., coat, :], ground)
         if coat:
-            ground = internal(bench, body)
-    return body + bench.surface
+            ground = internal(model, body)
+    return body + model.surface
 
 
-def internal(bench: Bench, body: Float[Array, "*batch bands"]) -> Float[Array, "*batch bands"]:
-    """Internal reflectance of the Lambertian ground that, bare, reads `body` without the outer surface's part."""
-    nothing = jnp.zeros((), body.dtype)
-    black, gain, back = bench.film.numbers(nothing, nothing)
-    return jnp.clip(ground_below(body - black, gain, back), 0.0, 1.0)
+def internal(model: StackModel, body: Float[Array, "*batch bands"]) -> Float[Array, "*batch bands"]:
+    """The coat below as a ground: the Lambertian one that, bare, reads `body` without the outer surface's part."""
+    return jnp.clip(model.film.internal(body), 0.0, 1.0)
 
 
 def true_reading(
-    bench: Bench, kd: Float[Array, "*batch coats bands"], sd: Float[Array, "*batch coats bands"], optics: Optics
+    model: StackModel, kd: Float[Array, "*batch coats bands"], sd: Float[Array, "*batch coats bands"], optics: Optics
 ) -> Float[Array, "*batch bands"]:
     """What the instrument reads, by the solver."""
-    kd, sd = jnp.swapaxes(kd, -1, -2), jnp.swapaxes(sd, -1, -2)
-    depth = kd + sd
-    absent = depth <= 0
-    albedo = jnp.where(absent, 0.0, sd) / jnp.where(absent, 1.0, depth)
-    solver = stack_hemispherical_reflectance
-    if optics.cos_viewing is not None:
-        solver = functools.partial(stack_reflectance_factor, cos_viewing=optics.cos_viewing)
-    return bench.surface + solver(
-        albedo,
-        depth,
-        bench.ground,
-        refractive_index=optics.refractive_index,
-        cos_incidence=optics.cos_incidence,
-        tolerance=TOLERANCE,
-    )
+    body = optics.body(jnp.swapaxes(kd, -1, -2), jnp.swapaxes(sd, -1, -2), model.ground, TOLERANCE)
+    return body + model.surface
 
 
 def readings(
-    bench: Bench, sizes: Float[np.ndarray, "n coats paints"], optics: Optics | None
+    model: StackModel, sizes: Float[np.ndarray, "n coats paints"], optics: Optics | None
 ) -> Float[np.ndarray, "n bands"]:
     """What the instrument reads on each of many stacks: by the solver, or without `optics` by the table."""
     done = []
@@ -216,11 +187,11 @@ def readings(
     size = READ_CHUNK if optics else 4 * READ_CHUNK
     for first in range(0, len(sizes), size):
         rows = np.arange(first, first + size).clip(max=len(sizes) - 1)
-        done.append(np.asarray(_read(bench, jnp.asarray(sizes[rows]), optics))[: len(sizes) - first])
-    return np.concatenate(done) if done else np.zeros((0, bench.ground.size))
+        done.append(np.asarray(_read(model, jnp.asarray(sizes[rows]), optics))[: len(sizes) - first])
+    return np.concatenate(done) if done else np.zeros((0, model.ground.size))
 
 
 @functools.partial(jax.jit, static_argnames="optics")
-def _read(bench: Bench, sizes: Float[Array, "n coats paints"], optics: Optics | None) -> Float[Array, "n bands"]:
-    kd, sd = sizes @ bench.absorption, sizes @ bench.scattering
-    return quick_reading(bench, kd, sd) if optics is None else true_reading(bench, kd, sd, optics)
+def _read(model: StackModel, sizes: Float[Array, "n coats paints"], optics: Optics | None) -> Float[Array, "n bands"]:
+    kd, sd = sizes @ model.absorption, sizes @ model.scattering
+    return quick_reading(model, kd, sd) if optics is None else true_reading(model, kd, sd, optics)

@@ -1,0 +1,55 @@
+"""An instrument in plain numbers, which compiled programs take as constants, and what coats reflect by the solver."""
+
+import functools
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from glazejax import Bidirectional
+from glazejax.geometry import Geometry
+from glazejax.radiative.stack import stack_hemispherical_reflectance, stack_reflectance_factor
+
+
+class Optics(NamedTuple):
+    """Cosines in air and refractive index; without a cosine of viewing, a sphere."""
+
+    cos_incidence: float
+    cos_viewing: float | None
+    refractive_index: float
+
+    @classmethod
+    def of(cls, geometry: Geometry, refractive_index: float) -> "Optics":
+        """Plain numbers of an instrument."""
+        viewing = float(np.asarray(geometry.cos_viewing)) if isinstance(geometry, Bidirectional) else None
+        return cls(float(np.asarray(geometry.cos_incidence)), viewing, float(refractive_index))
+
+    def body(
+        self,
+        absorption: Float[Array, "*batch coats"],
+        scattering: Float[Array, "*batch coats"],
+        ground: Float[Array, "*batch"],
+        tolerance: float,
+    ) -> Float[Array, "*batch"]:
+        """Reflectance of coats on a Lambertian ground, without the outer surface's part.
+
+        Args:
+            absorption, scattering: optical thicknesses k d and s d, top first, >= 0; both 0 for a coat that is absent.
+            ground: internal reflectance.
+            tolerance: of the solver.
+        """
+        depth = absorption + scattering
+        absent = depth <= 0
+        albedo = jnp.where(absent, 0.0, scattering) / jnp.where(absent, 1.0, depth)
+        solver = stack_hemispherical_reflectance
+        if self.cos_viewing is not None:
+            solver = functools.partial(stack_reflectance_factor, cos_viewing=self.cos_viewing)
+        return solver(
+            albedo,
+            depth,
+            ground,
+            refractive_index=self.refractive_index,
+            cos_incidence=self.cos_incidence,
+            tolerance=tolerance,
+        )
