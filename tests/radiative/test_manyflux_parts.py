@@ -62,7 +62,7 @@ def test_bordered_matrices_are_the_limit_of_small_weights():
 def test_inverses_and_their_slopes():
     rng = np.random.default_rng(0)
     a = rng.normal(size=(3, 9, 9))
-    a = a @ np.swapaxes(a, -1, -2) + np.eye(9)
+    a = jnp.asarray(a @ np.swapaxes(a, -1, -2) + np.eye(9))
     for function in (inverse, inverse_symmetric):
         np.testing.assert_allclose(function(a), np.linalg.inv(a), atol=1e-12)
     moved = jax.jvp(inverse, (a,), (np.ones_like(a),))[1]
