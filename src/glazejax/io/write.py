@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ..spectra import MAX_FRACTION, validate_wavelengths
-from .finish import MAX_DECLARED, different
+from .finish import MAX_DECLARED, different, plain_name
 from .outputs import check_output
 from .spectra_table import SpectraTable, listed
 
@@ -55,8 +55,6 @@ def _plain(cell: object) -> object:
 
 
 _ENDINGS = {".csv": "csv", ".tsv": "csv", ".txt": "csv", ".cxf": "cxf", ".xml": "cxf", ".hdr": "envi", ".sli": "envi"}
-# What no format of names can hold: control characters, surrogates, and two that XML forbids.
-_UNFIT = re.compile(r"[\x00-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
 
 
 def write_spectra(
@@ -97,7 +95,7 @@ def write_spectra(
     notes: list[str] = []
     if table.attributes:
         notes.append(f"only names and spectra are written, not {listed(list(table.attributes))}")
-    names = [" ".join(_UNFIT.sub(" ", name).split()) for name in table.names]
+    names = [" ".join(plain_name(name).split()) for name in table.names]
     names = [name or f"spectrum {i + 1}" for i, name in enumerate(names)]
     if (changed := sum(old != new for old, new in zip(table.names, names, strict=True))) > 0:
         notes.append(f"{changed} names lost control characters or blanks")

@@ -8,6 +8,7 @@ from typing import Any, overload
 import numpy as np
 
 _REQUIRED: Any = object()
+_LARGEST = 10**300
 
 
 class TomlTable:
@@ -46,7 +47,7 @@ class TomlTable:
         """What is refused inside is said to be here."""
         try:
             yield
-        except (ValueError, FileNotFoundError) as error:
+        except (ValueError, OSError) as error:
             if str(error).startswith(self.file):
                 raise
             raise type(error)(f"{self.where(key)}: {error}") from None
@@ -66,7 +67,10 @@ class TomlTable:
     def _get(self, key: str, default: Any) -> Any:
         self._used.append(key)
         if key in self._content:
-            return self._content[key]
+            value = self._content[key]
+            if not _fits(value):
+                raise self.error(key, "holds a number of too many digits")
+            return value
         if default is _REQUIRED:
             near = difflib.get_close_matches(key, self._content, n=1)
             raise self.error("", f"{key} is missing" + (f"; is {near[0]!r} meant to be it?" if near else ""))
@@ -159,3 +163,10 @@ class TomlTable:
     def raw(self, key: str, default: Any = _REQUIRED) -> Any:
         """A value of any kind."""
         return self._get(key, default)
+
+
+def _fits(value: Any) -> bool:
+    """Whether numbers are such as a float can hold; TOML's whole numbers have no bound."""
+    if isinstance(value, list):
+        return all(map(_fits, value))
+    return not isinstance(value, int) or abs(value) < _LARGEST
