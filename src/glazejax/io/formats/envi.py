@@ -1,6 +1,7 @@
 """ENVI spectral libraries and images: a text header and a file of plain numbers."""
 
 import re
+from collections.abc import Iterator
 from functools import cached_property
 from math import prod
 from pathlib import Path
@@ -225,10 +226,12 @@ class EnviFile:
             raise self.error("the ENVI header has no wavelengths; add 'wavelength = {400, 410, ...}'")
         if len(texts) != count:
             raise self.error(f"{len(texts)} wavelengths for {count} bands")
-        try:
-            values = np.array([float(text) for text in texts])
-        except ValueError as error:
-            raise self.error(f"wavelengths: {error}") from None
+        values = np.empty(count)
+        for i, text in enumerate(texts):
+            try:
+                values[i] = float(text)
+            except ValueError as error:
+                raise self.error(f"wavelength number {i + 1}: {error}") from None
         if not np.isfinite(values).all():
             raise self.error(f"wavelength number {int(np.argmin(np.isfinite(values))) + 1} is not finite")
         try:
@@ -301,7 +304,7 @@ def _bright(cube: SpectraCube) -> float:
     return float(np.quantile(pixels.max(axis=1), 0.99))
 
 
-def format_envi(table: SpectraTable) -> tuple[str, bytes, list[str]]:
+def format_envi(table: SpectraTable) -> tuple[str, Iterator[bytes], list[str]]:
     """A table as a spectral library: header, numbers (float64, so that nothing is lost) and notes on names changed."""
     names = [re.sub(r"[{}]", lambda m: "(" if m[0] == "{" else ")", name).replace(",", ";") for name in table.names]
     changed = [old for old, new in zip(table.names, names, strict=True) if old != new]
@@ -321,4 +324,4 @@ def format_envi(table: SpectraTable) -> tuple[str, bytes, list[str]]:
         "spectra names": "{ " + ", ".join(names) + " }",
     }
     header = "ENVI\n" + "".join(f"{title} = {value}\n" for title, value in fields.items())
-    return header, np.ascontiguousarray(table.reflectance, dtype="<f8").tobytes(), notes
+    return header, (row.astype("<f8").tobytes() for row in table.reflectance), notes

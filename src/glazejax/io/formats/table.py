@@ -57,9 +57,7 @@ class _Cells:
         """
         if '"' in text:
             return None
-        cells = text.split(self.delimiter) if self.delimiter != " " else text.replace("\t", " ").split(" ")
-        if self.delimiter == " ":
-            cells = [cell for cell in cells if cell.strip()]
+        cells = _plain(text, self.delimiter)
         while len(cells) > len(self.header) and not cells[-1].strip():
             cells.pop()
         if len(cells) != len(self.header):
@@ -144,6 +142,8 @@ def _sniff(header: str) -> str:
 
 def _split(cells: _Cells, number: int, line: str) -> list[str]:
     """Cells of a line, without the blanks around them."""
+    if '"' not in line:
+        return [cell.strip() for cell in _plain(line, cells.delimiter)]
     blanks = cells.delimiter == " "
     if blanks:
         line = line.strip().replace("\t", " ")
@@ -153,6 +153,13 @@ def _split(cells: _Cells, number: int, line: str) -> list[str]:
         raise cells.error(number, f"{error}; is a quotation mark left open?") from None
     row = [cell.strip() for cell in row]
     return [cell for cell in row if cell] if blanks else row
+
+
+def _plain(line: str, delimiter: str) -> list[str]:
+    """Cells of a line without quotes, with the blanks around them unless blanks separate."""
+    if delimiter != " ":
+        return line.split(delimiter)
+    return [cell for cell in line.replace("\t", " ").split(" ") if cell.strip()]
 
 
 def _number(cell: str, delimiter: str) -> float | None:
@@ -265,7 +272,8 @@ def _read_wide(
         hashes.append(hash(name))
 
     values = _read_rows(cells, first, start, cells.header[1:], wide=True)
-    if np.unique(np.frombuffer(hashes, np.int64)).size < len(names):
+    ordered = np.sort(np.frombuffer(hashes, np.int64))
+    if (ordered[1:] == ordered[:-1]).any():
         seen: dict[str, int] = {}
         for number, name in zip(lines, names, strict=True):
             _check_name(cells, number, name, seen)
@@ -319,20 +327,25 @@ def _read_triples(
     """Names, wavelengths and values of a table with a value a row; all samples must have the same wavelengths."""
     rows: dict[str, int] = {}
     columns: dict[float, int] = {}
+    column_at: dict[str, int] = {}  # by its text, which need not be parsed again
     row_of, column_of, values = array("i"), array("i"), array("d")
     breaks: list[tuple[int, int]] = []  # a value and its line, wherever that is not the line after the value before
     for number, text in _with_first(first, cells.lines):
         row = cells.split(number, text)
         name, title = row[name_at], row[wavelength_at]
-        wavelength = _wavelength(title, cells.delimiter)
         if not name:
             raise cells.error(number, "a sample has no name")
-        if wavelength is None:
-            raise cells.error(number, f"column {cells.header[wavelength_at]!r}: {title!r} is not a wavelength in nm")
+        if title not in column_at:
+            wavelength = _wavelength(title, cells.delimiter)
+            if wavelength is None:
+                raise cells.error(
+                    number, f"column {cells.header[wavelength_at]!r}: {title!r} is not a wavelength in nm"
+                )
+            column_at[title] = columns.setdefault(wavelength, len(columns))
         if not breaks or number - breaks[-1][1] != len(values) - breaks[-1][0]:
             breaks.append((len(values), number))
         row_of.append(rows.setdefault(name, len(rows)))
-        column_of.append(columns.setdefault(wavelength, len(columns)))
+        column_of.append(column_at[title])
         values.append(_value(cells, number, name, cells.header[value_at], row[value_at]))
         if len(rows) > _MAX_SPECTRA or len(values) > _MAX_VALUES:
             raise cells.error(number, "more samples or values so far than a table may hold; split it")
