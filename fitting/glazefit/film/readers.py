@@ -20,7 +20,7 @@ ROWS = {
     "ow": "paint over white",
 }
 NAMES_FILE = "mixtures.tsv"
-_MAX_SAMPLES = 200_000
+_MAX_PAINTS = 200_000
 
 
 def read_films(path: str | Path) -> Films:
@@ -55,7 +55,10 @@ def read_films(path: str | Path) -> Films:
     def take(ending: str) -> np.ndarray:
         return table.reflectance[[found[ending] for found in rows.values()]]
 
-    return Films(tuple(rows), table.wavelengths, take("b"), take("w"), take("ob"), take("ow"), tuple(table.notes))
+    try:
+        return Films(tuple(rows), table.wavelengths, take("b"), take("w"), take("ob"), take("ow"), tuple(table.notes))
+    except ValueError as error:
+        raise refusal(path, error) from None
 
 
 def read_names(path: str | Path) -> dict[str, dict[str, float]]:
@@ -69,6 +72,7 @@ def read_names(path: str | Path) -> dict[str, dict[str, float]]:
         ValueError: a line of another form, a weight that is not a number >= 0, or a sample listed twice.
     """
     recipes: dict[str, dict[str, float]] = {}
+    count = 0
     with opened(path) as source:
         for number, line in source.lines():
             if not line.strip() or line.startswith("#"):
@@ -86,8 +90,9 @@ def read_names(path: str | Path) -> dict[str, dict[str, float]]:
                 )
             if sample in recipes:
                 raise source.error(f"sample {sample!r} is listed twice", number)
-            if len(recipes) == _MAX_SAMPLES:
-                raise source.error(f"more than {_MAX_SAMPLES} samples; split the file", number)
+            count += len(values)
+            if count > _MAX_PAINTS:
+                raise source.error(f"more than {_MAX_PAINTS} paints in films so far; split the file", number)
             recipes[sample] = {p: w for p, w in zip(paints.split("-"), values, strict=True) if w > 0}
     return recipes
 

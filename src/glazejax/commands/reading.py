@@ -32,4 +32,6 @@ def reading(path: Path) -> Iterator[Progress]:
     try:
         yield told
     finally:
-        bar.stop()
+        # Rich ends a bar that never began with an empty line.
+        if bar.live.is_started:
+            bar.stop()

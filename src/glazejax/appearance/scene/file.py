@@ -27,6 +27,8 @@ from .shapes import Box, Plane, Shape, Sphere
 
 _DEFAULT_WAVELENGTHS = "400:700:10"
 _MAX_FILE = 1 << 20
+# The time that Python's parser takes for a key grows with the square of its parts.
+_MAX_LINE = 10_000
 
 
 @dataclass(frozen=True)
@@ -69,6 +71,9 @@ def read_scene(path: str | Path) -> SceneFile:
     with opened(path, missing=missing) as source:
         # A character may become 20 times itself in Python's parser.
         text = source.text(most=_MAX_FILE, fallback=None)
+        long = next((i for i, line in enumerate(text.splitlines(), start=1) if len(line) > _MAX_LINE), None)
+        if long is not None:
+            raise source.error(f"more than {_MAX_LINE} characters, too long for a line of a scene file", long)
         try:
             content = tomllib.loads(text)
         except ValueError as error:

@@ -111,7 +111,8 @@ def read_grey(path: Path) -> Float[np.ndarray, "h w"]:
     if path.suffix.lower() == ".npy":
         try:
             # Mapped: its header is held against the size of the file before anything is taken.
-            values = np.load(path, mmap_mode="r", allow_pickle=False)
+            with np.errstate(all="ignore"):
+                values = np.load(path, mmap_mode="r", allow_pickle=False)
         except Exception as error:  # NumPy raises many kinds
             raise refusal(path, f"not an array that can be read ({error})") from None
         if values.ndim != 2 or values.dtype.kind not in "iuf" or not 0 < values.size <= _MAX_PIXELS:

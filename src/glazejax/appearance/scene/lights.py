@@ -67,6 +67,10 @@ def lamp(name: str, wavelengths: Grid, strength: float = 1.0) -> Float[np.ndarra
     return lamp_on_bands(table.wavelengths, table.values, wavelengths, strength, words=f"the illuminant {full}")
 
 
+# A lamp at every nanometre takes some kilobytes, and NumPy's reader a hundred times a file's size.
+_MAX_FILE = 1 << 20
+
+
 def measured_lamp(text: str | Path, wavelengths: Grid, strength: float = 1.0) -> Float[np.ndarray, "bands"]:
     """Spectrum of a lamp from a table: wavelengths in the first column, a lamp in each other one, names on top.
 
@@ -83,7 +87,7 @@ def measured_lamp(text: str | Path, wavelengths: Grid, strength: float = 1.0) ->
 
     path, name = split_sample(str(text))
     with opened(path, missing=f"there is no file {shown(path)} with the spectrum of a lamp") as source:
-        lines = source.text().splitlines()
+        lines = source.text(most=_MAX_FILE).splitlines()
         try:
             # The form that colour-science reads and writes; its own reader takes no open file.
             table = np.genfromtxt(lines, delimiter=",", names=True, deletechars="", replace_space=" ", dtype=float)

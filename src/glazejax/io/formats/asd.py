@@ -57,14 +57,15 @@ def read_asd(source: Source) -> RawSpectra:
     # Nothing else follows before version 6, but for a mark of three bytes.
     if version < 6 and len(content) - end > 3:
         raise source.error(f"an ASD file that is damaged: {len(content) - end} bytes after its {channels} channels")
-    if white is None or not white.any():
+    if white is None or not (white != 0).any():
         # Version 1 has no room for a reference: what it calls reflectance is reflectance.
         if kind == "raw" or (kind == "ref" and version >= 2 and white is None):
             raise source.error("an ASD file without its white reference, or cut short before it: counts only")
         return RawSpectra(wavelengths, [name], counts[None], "ASD binary", ["reflectance as stored in the file"])
     dark = ~(white > 0)
     # Integration time and gains are the same for both, so they cancel.
-    values = np.where(dark, np.nan, counts / np.where(dark, 1.0, white))
+    with np.errstate(all="ignore"):  # what is damaged may overflow, and is refused as not finite
+        values = np.where(dark, np.nan, counts / np.where(dark, 1.0, white))
     notes = ["counts were divided by those of the white reference"]
     return RawSpectra(wavelengths, [name], values[None], "ASD binary", notes, 1.0, missing="drop")
 

@@ -126,6 +126,9 @@ def _check_complete(source: Source, sheet: _Sheet) -> None:
         raise source.error(f"there is no END_DATA after {len(sheet.sets)} sets; the file was cut short")
     if promised is not None and promised != str(len(sheet.sets)):
         raise source.error(f"NUMBER_OF_SETS promises {promised} sets, and there are {len(sheet.sets)}")
+    fields = sheet.keywords.get("NUMBER_OF_FIELDS")
+    if fields is not None and fields != str(len(sheet.fields)):
+        raise source.error(f"NUMBER_OF_FIELDS promises {fields} fields, and there are {len(sheet.fields)}")
     if not sheet.sets:
         raise source.error("there are fields but no sets between BEGIN_DATA and END_DATA")
 

@@ -8,12 +8,12 @@ import numpy as np
 
 from ...spectra import describe_grid
 from ..finish import MAX_DECLARED, RawSpectra
-from ..source import MAX_WORDS, Source
+from ..source import Source
 from ..spectra_table import SpectraTable
 
 _NAMESPACE = b"colorexchangeformat.com/CxF3-core"
-# Each tag takes about a kilobyte when it is read.
-_MAX_TAGS = 100_000
+# Each tag takes about a kilobyte when it is read, each word a quarter of one.
+_MAX_TAGS, _MAX_WORDS = 100_000, 600_000
 # Bounds of CxF3's schema for the first wavelength.
 _FIRST = (360, 400)
 
@@ -41,8 +41,8 @@ def read_cxf(source: Source) -> RawSpectra:
         raise source.error(f"XML, but not CxF3 (no namespace http://{_NAMESPACE.decode()})")
     if b"<!DOCTYPE" in content:
         raise source.error("not legal CxF3: it has a DOCTYPE, whose entities could name other files; remove it")
-    if content.count(b"<") > _MAX_TAGS or len(content.split()) > MAX_WORDS:
-        raise source.error(f"more than {_MAX_TAGS} tags or {MAX_WORDS} words; split it, or export the spectra as CSV")
+    if content.count(b"<") > _MAX_TAGS or len(content.split()) > _MAX_WORDS:
+        raise source.error(f"more than {_MAX_TAGS} tags or {_MAX_WORDS} words; split it, or export the spectra as CSV")
     cxf = _library()
     try:
         with warnings.catch_warnings():

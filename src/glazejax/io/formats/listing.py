@@ -18,8 +18,9 @@ def read_listing(source: Source) -> RawSpectra:
     Raises:
         ValueError: not JSON, of another shape, without wavelengths, or a spectrum of another length.
     """
+    text = source.text()
     try:
-        entries = json.loads(source.text())
+        entries = json.loads(text)
     except json.JSONDecodeError as error:
         raise source.error(f"not legal JSON ({error.msg}); was it cut short?", error.lineno) from None
     except ValueError:
@@ -60,7 +61,9 @@ def _numbers(source: Source, name: str, values: Any) -> np.ndarray:
     try:
         return np.array(values, float)
     except OverflowError:
-        place = next(i for i, value in enumerate(values, start=1) if abs(value) > sys.float_info.max)
+        place = next(
+            i for i, value in enumerate(values, start=1) if isinstance(value, int) and abs(value) > sys.float_info.max
+        )
         raise source.error(f"{name!r}: number {place} has {len(str(values[place - 1]))} digits, too large") from None
 
 

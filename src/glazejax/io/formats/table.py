@@ -25,6 +25,7 @@ _KINDS = {"\t": "TSV", ",": "CSV", ";": "semicolon-separated", " ": "blank-separ
 # What a table may hold: 2 GB of numbers, and names of as many spectra.
 _MAX_VALUES = 1 << 28
 _MAX_SPECTRA = 5_000_000
+_MAX_BANDS = 500_000
 _PART = 1 << 18
 
 
@@ -347,8 +348,8 @@ def _read_triples(
         row_of.append(rows.setdefault(name, len(rows)))
         column_of.append(column_at[title])
         values.append(_value(cells, number, name, cells.header[value_at], row[value_at]))
-        if len(rows) > _MAX_SPECTRA or len(values) > _MAX_VALUES:
-            raise cells.error(number, "more samples or values so far than a table may hold; split it")
+        if len(rows) > _MAX_SPECTRA or len(columns) > _MAX_BANDS or len(values) > _MAX_VALUES:
+            raise cells.error(number, "more samples, wavelengths or values so far than a table may hold; split it")
     names = list(rows)
     grid = _check_grid(cells, sorted(columns))
     # Columns in the order of their wavelengths, not of the file.
