@@ -177,8 +177,7 @@ def test_errors_of_the_system_are_one_line_of_the_command(tmp_path, monkeypatch,
         assert said.startswith("error: ")
         assert "too long" in said
         assert len(said.splitlines()) == 1
-    monkeypatch.setattr(cli, "entry_points", lambda group: [])
-    monkeypatch.setattr(cli, "app", refuse)
+    monkeypatch.setattr(cli, "make_app", refuse)
     with pytest.raises(SystemExit) as ended:
         cli.main()
     assert (ended.value.code, capsys.readouterr().err) == (2, "error: disk: Input/output error\n")

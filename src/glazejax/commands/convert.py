@@ -54,7 +54,7 @@ def convert(
     """
     from ..io import read_spectra, write_spectra
     from ..io import resample as resample_table
-    from .reading import reading
+    from .progress import reading
 
     grid = None if resample is None else parse_grid(resample)
     with reading(source) as progress:

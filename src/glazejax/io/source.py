@@ -245,13 +245,15 @@ def is_there(path: str | Path) -> bool:
 
 def refusal(path: str | Path, complaint: object, line: int | None = None) -> ValueError:
     """What is wrong with a file, on which line, in one line of bearable length whatever the file holds."""
-    text = str(complaint)
+    where = shown(path) if line is None else f"{shown(path)}, line {line}"
+    return ValueError(f"{_short(where)}: {_short(str(complaint))}")
+
+
+def _short(text: str) -> str:
+    """Text on one line, without its middle if it is long."""
     if not text.isprintable():
         text = "".join(letter if letter.isprintable() else " " for letter in text)
-    if len(text) > _LONGEST:
-        text = f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 2 :]}"
-    where = shown(path) if line is None else f"{shown(path)}, line {line}"
-    return ValueError(f"{where}: {text}")
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 2 :]}"
 
 
 def shown(path: str | Path) -> str:

@@ -77,7 +77,8 @@ def read_scene(path: str | Path) -> SceneFile:
         try:
             content = tomllib.loads(text)
         except ValueError as error:
-            raise source.error(f"not a legal TOML file: {error}") from None
+            digits = "a number has thousands of digits" if "digits" in str(error) else error
+            raise source.error(f"not a legal TOML file: {digits}") from None
     return _scene(TomlTable(path.name, "", content), path.parent)
 
 

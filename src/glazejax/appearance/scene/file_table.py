@@ -7,6 +7,8 @@ from typing import Any, overload
 
 import numpy as np
 
+from ...io.source import refusal
+
 _REQUIRED: Any = object()
 _LARGEST = 10**300
 
@@ -40,7 +42,7 @@ class TomlTable:
 
     def error(self, key: str, words: str) -> ValueError:
         """An error at a key."""
-        return ValueError(f"{self.where(key)}: {words}")
+        return refusal(self.where(key), words)
 
     @contextmanager
     def blamed(self, key: str = "") -> Iterator[None]:
