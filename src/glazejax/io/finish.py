@@ -82,13 +82,16 @@ def _finish(raw: RawSpectra, unit: str | None) -> SpectraTable:
     if not len(raw.names):
         raise ValueError("the file holds no spectra")
     notes = list(raw.notes)
-    names = different([plain_name(name) or f"spectrum {i + 1}" for i, name in enumerate(raw.names)], notes)
+    names = raw.names
+    # The reader of tables has seen that names differ, in less room.
+    if not raw.by_hand or any(plain_name(name) != name for name in names):
+        names = different([plain_name(name) or f"spectrum {i + 1}" for i, name in enumerate(names)], notes)
     values, wavelengths = np.asarray(raw.values, np.float64), np.asarray(raw.wavelengths, np.float64)
     if np.isfinite(wavelengths).all() and (np.diff(wavelengths) < 0).any():
         order = np.argsort(wavelengths, kind="stable")
         notes.append("bands were sorted by wavelength")
         wavelengths, values = wavelengths[order], values[:, order]
-    rows = list(range(len(names)))
+    rows: Sequence[int] = range(len(names))
     if raw.missing == "drop":
         wavelengths, values, rows = _without_missing(wavelengths, values, names, notes)
         names = [names[i] for i in rows]
@@ -132,7 +135,7 @@ def _to_fractions(
         i = int(wrong.argmax())
         j = int(np.isfinite(values[i]).argmin())
         raise ValueError(f"reflectance of {names[i]!r} is not finite at band {j + 1}: {values[i, j]:g}")
-    scale = raw.scale or _detected_scale(np.maximum(peaks, 0.0), names, raw.by_hand)
+    scale = raw.scale or _detected_scale(peaks if peaks.min() >= 0 else np.maximum(peaks, 0.0), names, raw.by_hand)
     if scale == 100.0:
         notes.append("values are in percent; divided by 100")
     elif scale != 1.0:

@@ -246,10 +246,10 @@ def is_there(path: str | Path) -> bool:
 def refusal(path: str | Path, complaint: object, line: int | None = None) -> ValueError:
     """What is wrong with a file, on which line, in one line of bearable length whatever the file holds."""
     where = shown(path) if line is None else f"{shown(path)}, line {line}"
-    return ValueError(f"{_short(where)}: {_short(str(complaint))}")
+    return ValueError(f"{shortened(where)}: {shortened(str(complaint))}")
 
 
-def _short(text: str) -> str:
+def shortened(text: str) -> str:
     """Text on one line, without its middle if it is long."""
     if not text.isprintable():
         text = "".join(letter if letter.isprintable() else " " for letter in text)
