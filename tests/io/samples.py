@@ -1,4 +1,6 @@
-"""Spectra that tests write and read, and strategies that make them."""
+"""Spectra that tests write and read, files of every format, and strategies that make them."""
+
+import struct
 
 import numpy as np
 from hypothesis import strategies as st
@@ -46,3 +48,118 @@ def tables(draw, wavelengths=None, names=NAMES):
         grid = draw(wavelengths)
     values = draw(arrays.arrays(float, (len(labels), len(grid)), elements=st.floats(0, 3)))
     return SpectraTable(np.array(grid, float), tuple(labels), values)
+
+
+CGATS = """CGATS.17
+ORIGINATOR	"a house"
+# a comment
+NUMBER_OF_FIELDS	6
+BEGIN_DATA_FORMAT
+SAMPLE_ID	SAMPLE_NAME	LAB_L	SPECTRAL_NM400	SPECTRAL_NM410	SPECTRAL_NM420
+END_DATA_FORMAT
+NUMBER_OF_SETS	2
+BEGIN_DATA
+1	"red, light"	50.5	0.10	0.20	0.30
+2	blue	20.1	0.40	0.50	0.60
+END_DATA
+"""
+
+CXF = """<?xml version="1.0" encoding="UTF-8"?>
+<cc:CxF xmlns:cc="http://colorexchangeformat.com/CxF3-core">
+<cc:Resources><cc:ObjectCollection>
+<cc:Object ObjectType="Target" Name="red" Id="1"><cc:CreationDate>2007-06-14T00:00:00-08:00</cc:CreationDate>
+<cc:ColorValues>
+<cc:ColorCIELab ColorSpecification="M0"><cc:L>17</cc:L><cc:A>1</cc:A><cc:B>0</cc:B></cc:ColorCIELab>
+<cc:ReflectanceSpectrum StartWL="380" ColorSpecification="M0">0.1 0.2 0.3</cc:ReflectanceSpectrum>
+</cc:ColorValues></cc:Object>
+<cc:Object ObjectType="Target" Name="red" Id="2"><cc:CreationDate>2007-06-14T00:00:00-08:00</cc:CreationDate>
+<cc:ColorValues>
+<cc:ReflectanceSpectrum ColorSpecification="M0">0.4 0.5 0.6</cc:ReflectanceSpectrum>
+</cc:ColorValues></cc:Object>
+</cc:ObjectCollection>
+<cc:ColorSpecificationCollection><cc:ColorSpecification Id="M0"><cc:MeasurementSpec>
+<cc:MeasurementType>Spectrum_Reflectance</cc:MeasurementType>
+<cc:GeometryChoice><cc:SphereGeometry>Specular_Included</cc:SphereGeometry></cc:GeometryChoice>
+<cc:WavelengthRange StartWL="380" Increment="10"/>
+</cc:MeasurementSpec></cc:ColorSpecification></cc:ColorSpecificationCollection>
+</cc:Resources></cc:CxF>
+"""
+
+ENVI = {
+    "samples": 31,
+    "lines": 3,
+    "bands": 1,
+    "file type": "ENVI Spectral Library",
+    "data type": 4,
+    "interleave": "bsq",
+    "byte order": 0,
+    "wavelength": "{" + ", ".join(f"{w:g}" for w in GRID) + "}",
+    "wavelength units": "nm",
+    "spectra names": "{red, green, blue}",
+}
+
+
+def jcamp_block(name="red", values=None, *, grid=GRID, xunits="NANOMETERS", yunits="REFLECTANCE", form="XYPOINTS"):
+    """One block of text: pairs, or rows of three values with a factor."""
+    values = spectra(1, grid)[0] if values is None else values
+    head = f"##TITLE={name}\n##JCAMP-DX=4.24\n##DATA TYPE=UV/VIS SPECTRUM\n##XUNITS={xunits}\n##YUNITS={yunits}\n"
+    head += f"##FIRSTX={grid[0]}\n##LASTX={grid[-1]}\n##NPOINTS={len(grid)}\n"
+    if form == "XYPOINTS":
+        rows = "".join(f"{x:.9g} {y:.9g}\n" for x, y in zip(grid, values, strict=True))
+        return f"{head}##XYPOINTS=(XY..XY)\n{rows}##END=\n"
+    factor = 1e-6
+    rows = ""
+    if form == "DIFDUP":
+        numbers = [round(y / factor) for y in values]
+        for i in range(0, len(numbers) - 1, 10):
+            # A line of differences repeats the last ordinate of the line above.
+            rows += f"{grid[i]:g}{_packed(numbers[i], '@ABCDEFGHI', 'abcdefghi')}"
+            rows += _differences(np.diff(numbers[i : i + 11]).tolist()) + "\n"
+        return f"{head}##XFACTOR=1\n##YFACTOR={factor}\n##XYDATA=(X++(Y..Y))\n{rows}##END=\n"
+    for i in range(0, len(grid), 3):
+        numbers = " ".join(str(round(y / factor)) for y in values[i : i + 3])
+        rows += f"{grid[i]:g} {numbers}\n"
+    return f"{head}##XFACTOR=1\n##YFACTOR={factor}\n##XYDATA=(X++(Y..Y))\n{rows}##END=\n"
+
+
+def _packed(number: int, plus: str, minus: str) -> str:
+    """Number of which the first digit is a letter that tells its sign."""
+    first, rest = int(str(abs(number))[0]), str(abs(number))[1:]
+    return (plus[first] if number >= 0 else minus[first - 1]) + rest
+
+
+def _differences(numbers: list[int]) -> str:
+    """Differences, with repetitions counted."""
+    text, repeated = "", 1
+    for i, number in enumerate(numbers):
+        if i + 1 < len(numbers) and numbers[i + 1] == number:
+            repeated += 1
+            continue
+        text += _packed(number, "%JKLMNOPQR", "jklmnopqr")
+        text += _packed(repeated, " STUVWXYZs", "") if repeated > 1 else ""
+        repeated = 1
+    return text
+
+
+ASD_GRID = np.arange(350.0, 2501.0)
+ASD_WHITE = 20_000 * (1 + 0.5 * np.sin(ASD_GRID / 300))
+
+
+def asd_header(*, magic=b"as5", kind=1, channels=ASD_GRID.size, start=350.0, comment=b"ochre"):
+    """First 484 bytes, as in ASD's document 600545 (file format version 8)."""
+    layout = "<3s157s18sBBbblblffbbbbbH128s56sLhhHHffffhb4bHHHbLHHHHff27s5b"
+    when = struct.pack("<9h", 0, 0, 12, 1, 0, 124, 1, 1, 0)
+    fields = [magic, comment, when, 0, 0, 1, 1, 0, kind, 0, start, 1.0, 2, 1, 1, 1, 1, channels, b"", b"", 17, 0, 0, 0]
+    fields += [1, 0.0, 1.0, 350.0, 2500.0, 16, 0, 0, 0, 0, 0, 1, 1, 1, 4, 0, 1, 1, 0, 0, 1000.0, 1800.0, b"", *[0] * 5]
+    content = struct.pack(layout, *fields)
+    assert len(content) == 484
+    return content
+
+
+def asd_body(values, white: np.ndarray | None = ASD_WHITE):
+    """Counts of the sample and, after the reference's own header, of the white."""
+    content = np.asarray(values, "<f8").tobytes()
+    if white is not None:
+        content += b"\xff\xff" + struct.pack("<dd", 45000.0, 45000.0) + struct.pack("<h", 5) + b"white"
+        content += np.asarray(white, "<f8").tobytes()
+    return content

@@ -1,5 +1,4 @@
 import logging
-import struct
 import subprocess
 import sys
 
@@ -8,30 +7,11 @@ import pytest
 
 from glazejax.io import read_spectra
 
+from .samples import ASD_GRID as GRID
+from .samples import ASD_WHITE as WHITE
+from .samples import asd_body as body
+from .samples import asd_header as header
 from .samples import complains, same, spectra
-
-GRID = np.arange(350.0, 2501.0)
-WHITE = 20_000 * (1 + 0.5 * np.sin(GRID / 300))
-
-
-def header(*, magic=b"as5", kind=1, channels=GRID.size, start=350.0, comment=b"ochre"):
-    """First 484 bytes, as in ASD's document 600545 (file format version 8)."""
-    layout = "<3s157s18sBBbblblffbbbbbH128s56sLhhHHffffhb4bHHHbLHHHHff27s5b"
-    when = struct.pack("<9h", 0, 0, 12, 1, 0, 124, 1, 1, 0)
-    fields = [magic, comment, when, 0, 0, 1, 1, 0, kind, 0, start, 1.0, 2, 1, 1, 1, 1, channels, b"", b"", 17, 0, 0, 0]
-    fields += [1, 0.0, 1.0, 350.0, 2500.0, 16, 0, 0, 0, 0, 0, 1, 1, 1, 4, 0, 1, 1, 0, 0, 1000.0, 1800.0, b"", *[0] * 5]
-    content = struct.pack(layout, *fields)
-    assert len(content) == 484
-    return content
-
-
-def body(values, white: np.ndarray | None = WHITE):
-    """Counts of the sample and, after the reference's own header, of the white."""
-    content = np.asarray(values, "<f8").tobytes()
-    if white is not None:
-        content += b"\xff\xff" + struct.pack("<dd", 45000.0, 45000.0) + struct.pack("<h", 5) + b"white"
-        content += np.asarray(white, "<f8").tobytes()
-    return content
 
 
 def put(tmp_path, content, name="ochre.asd"):

@@ -3,21 +3,9 @@ import pytest
 
 from glazejax.io import read_spectra
 
+from .samples import CGATS as PLAIN
 from .samples import complains, same
 
-PLAIN = """CGATS.17
-ORIGINATOR	"a house"
-# a comment
-NUMBER_OF_FIELDS	6
-BEGIN_DATA_FORMAT
-SAMPLE_ID	SAMPLE_NAME	LAB_L	SPECTRAL_NM400	SPECTRAL_NM410	SPECTRAL_NM420
-END_DATA_FORMAT
-NUMBER_OF_SETS	2
-BEGIN_DATA
-1	"red, light"	50.5	0.10	0.20	0.30
-2	blue	20.1	0.40	0.50	0.60
-END_DATA
-"""
 GRID, VALUES = [400, 410, 420], [[0.1, 0.2, 0.3], [0.4, 0.5, 0.6]]
 
 

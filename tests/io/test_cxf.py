@@ -6,28 +6,8 @@ import pytest
 
 from glazejax.io import SpectraTable, read_spectra, write_spectra
 
+from .samples import CXF as SAMPLE
 from .samples import GRID, complains, same, spectra
-
-SAMPLE = """<?xml version="1.0" encoding="UTF-8"?>
-<cc:CxF xmlns:cc="http://colorexchangeformat.com/CxF3-core">
-<cc:Resources><cc:ObjectCollection>
-<cc:Object ObjectType="Target" Name="red" Id="1"><cc:CreationDate>2007-06-14T00:00:00-08:00</cc:CreationDate>
-<cc:ColorValues>
-<cc:ColorCIELab ColorSpecification="M0"><cc:L>17</cc:L><cc:A>1</cc:A><cc:B>0</cc:B></cc:ColorCIELab>
-<cc:ReflectanceSpectrum StartWL="380" ColorSpecification="M0">0.1 0.2 0.3</cc:ReflectanceSpectrum>
-</cc:ColorValues></cc:Object>
-<cc:Object ObjectType="Target" Name="red" Id="2"><cc:CreationDate>2007-06-14T00:00:00-08:00</cc:CreationDate>
-<cc:ColorValues>
-<cc:ReflectanceSpectrum ColorSpecification="M0">0.4 0.5 0.6</cc:ReflectanceSpectrum>
-</cc:ColorValues></cc:Object>
-</cc:ObjectCollection>
-<cc:ColorSpecificationCollection><cc:ColorSpecification Id="M0"><cc:MeasurementSpec>
-<cc:MeasurementType>Spectrum_Reflectance</cc:MeasurementType>
-<cc:GeometryChoice><cc:SphereGeometry>Specular_Included</cc:SphereGeometry></cc:GeometryChoice>
-<cc:WavelengthRange StartWL="380" Increment="10"/>
-</cc:MeasurementSpec></cc:ColorSpecification></cc:ColorSpecificationCollection>
-</cc:Resources></cc:CxF>
-"""
 
 
 def put(tmp_path, text):

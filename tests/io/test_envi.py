@@ -8,20 +8,8 @@ import spectral.io.envi as spy
 
 from glazejax.io import SpectraCube, read_cube, read_spectra
 
+from .samples import ENVI as HEADER
 from .samples import GRID, complains, same, spectra
-
-HEADER = {
-    "samples": 31,
-    "lines": 3,
-    "bands": 1,
-    "file type": "ENVI Spectral Library",
-    "data type": 4,
-    "interleave": "bsq",
-    "byte order": 0,
-    "wavelength": "{" + ", ".join(f"{w:g}" for w in GRID) + "}",
-    "wavelength units": "nm",
-    "spectra names": "{red, green, blue}",
-}
 
 
 def put(folder, values=None, *, name="lib", **changes):

@@ -4,22 +4,7 @@ import pytest
 from glazejax.io import read_spectra
 
 from .samples import GRID, complains, same, spectra
-
-
-def block(name="red", values=None, *, grid=GRID, xunits="NANOMETERS", yunits="REFLECTANCE", form="XYPOINTS"):
-    """One block of text: pairs, or rows of three values with a factor."""
-    values = spectra(1, grid)[0] if values is None else values
-    head = f"##TITLE={name}\n##JCAMP-DX=4.24\n##DATA TYPE=UV/VIS SPECTRUM\n##XUNITS={xunits}\n##YUNITS={yunits}\n"
-    head += f"##FIRSTX={grid[0]}\n##LASTX={grid[-1]}\n##NPOINTS={len(grid)}\n"
-    if form == "XYPOINTS":
-        rows = "".join(f"{x:.9g} {y:.9g}\n" for x, y in zip(grid, values, strict=True))
-        return f"{head}##XYPOINTS=(XY..XY)\n{rows}##END=\n"
-    factor = 1e-6
-    rows = ""
-    for i in range(0, len(grid), 3):
-        numbers = " ".join(str(round(y / factor)) for y in values[i : i + 3])
-        rows += f"{grid[i]:g} {numbers}\n"
-    return f"{head}##XFACTOR=1\n##YFACTOR={factor}\n##XYDATA=(X++(Y..Y))\n{rows}##END=\n"
+from .samples import jcamp_block as block
 
 
 def put(tmp_path, text):

@@ -32,7 +32,7 @@ def test_wide_tables_read_back(tmp_path_factory, table):
     same(back, table.wavelengths, table.reflectance, table.names)
 
 
-@given(tables(names=NAMES.filter(lambda name: name[0] not in "0123456789.,")))
+@given(tables(names=NAMES.filter(lambda name: not name[0].isdecimal() and name[0] not in ".,")))
 def test_long_tables_read_back(tmp_path_factory, table):
     back = written(tmp_path_factory, table, "t.tsv", long=True)
     same(back, table.wavelengths, table.reflectance, table.names)

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from glazejax.io import read_spectra
+from glazejax.io.source import opened, refusal
 
 from .films import Films
 
@@ -19,6 +20,7 @@ ROWS = {
     "ow": "paint over white",
 }
 NAMES_FILE = "mixtures.tsv"
+_MAX_PAINTS = 200_000
 
 
 def read_films(path: str | Path) -> Films:
@@ -37,22 +39,26 @@ def read_films(path: str | Path) -> Films:
     for number, name in enumerate(table.names):
         film, _, ending = name.rpartition("_")
         if not film or ending not in ROWS:
-            raise ValueError(
-                f"{path}: the name {name!r} must end in " + ", ".join(f"_{end} ({what})" for end, what in ROWS.items())
+            raise refusal(
+                path, f"the name {name!r} must end in " + ", ".join(f"_{end} ({what})" for end, what in ROWS.items())
             )
         rows.setdefault(film, {})[ending] = number
     for film, found in rows.items():
         missing = [end for end in ROWS if end not in found]
         if missing:
-            raise ValueError(
-                f"{path}: film {film!r} has no row '{film}_{missing[0]}' ({ROWS[missing[0]]}); a film needs all "
-                f"four of {', '.join('_' + end for end in ROWS)}"
+            raise refusal(
+                path,
+                f"film {film!r} has no row '{film}_{missing[0]}' ({ROWS[missing[0]]}); a film needs all "
+                f"four of {', '.join('_' + end for end in ROWS)}",
             )
 
     def take(ending: str) -> np.ndarray:
         return table.reflectance[[found[ending] for found in rows.values()]]
 
-    return Films(tuple(rows), table.wavelengths, take("b"), take("w"), take("ob"), take("ow"), tuple(table.notes))
+    try:
+        return Films(tuple(rows), table.wavelengths, take("b"), take("w"), take("ob"), take("ow"), tuple(table.notes))
+    except ValueError as error:
+        raise refusal(path, error) from None
 
 
 def read_names(path: str | Path) -> dict[str, dict[str, float]]:
@@ -65,26 +71,29 @@ def read_names(path: str | Path) -> dict[str, dict[str, float]]:
         FileNotFoundError: no such file.
         ValueError: a line of another form, a weight that is not a number >= 0, or a sample listed twice.
     """
-    path = Path(path)
-    if not path.is_file():
-        raise FileNotFoundError(f"{path}: there is no such file")
     recipes: dict[str, dict[str, float]] = {}
-    for number, line in enumerate(path.read_text(encoding="utf-8-sig").splitlines(), start=1):
-        if not line.strip() or line.startswith("#"):
-            continue
-        sample, tab, recipe = line.partition("\t")
-        paints, bar, weights = recipe.strip().partition("|")
-        sample = sample.strip()
-        where = f"{path}, line {number}"
-        try:
-            values = [float(weight) for weight in weights.split("-")]
-        except ValueError:
-            values = []
-        if not (tab and bar and sample and len(values) == len(paints.split("-")) and np.isfinite(values).all()):
-            raise ValueError(f"{where}: expected 'SAMPLE<TAB>PaintA-PaintB|weightA-weightB', not {line.strip()!r}")
-        if sample in recipes:
-            raise ValueError(f"{where}: sample {sample!r} is listed twice")
-        recipes[sample] = {p: w for p, w in zip(paints.split("-"), values, strict=True) if w > 0}
+    count = 0
+    with opened(path) as source:
+        for number, line in source.lines():
+            if not line.strip() or line.startswith("#"):
+                continue
+            sample, tab, recipe = line.partition("\t")
+            paints, bar, weights = recipe.strip().partition("|")
+            sample = sample.strip()
+            try:
+                values = [float(weight) for weight in weights.split("-")]
+            except ValueError:
+                values = []
+            if not (tab and bar and sample and len(values) == len(paints.split("-")) and np.isfinite(values).all()):
+                raise source.error(
+                    f"expected 'SAMPLE<TAB>PaintA-PaintB|weightA-weightB', not {line.strip()[:80]!r}", number
+                )
+            if sample in recipes:
+                raise source.error(f"sample {sample!r} is listed twice", number)
+            count += len(values)
+            if count > _MAX_PAINTS:
+                raise source.error(f"more than {_MAX_PAINTS} paints in films so far; split the file", number)
+            recipes[sample] = {p: w for p, w in zip(paints.split("-"), values, strict=True) if w > 0}
     return recipes
 
 

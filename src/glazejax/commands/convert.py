@@ -54,9 +54,11 @@ def convert(
     """
     from ..io import read_spectra, write_spectra
     from ..io import resample as resample_table
+    from .progress import reading
 
     grid = None if resample is None else parse_grid(resample)
-    table = read_spectra(source)
+    with reading(source) as progress:
+        table = read_spectra(source, progress=progress)
     typer.echo(f"read   {source}: {table.format}, {_summary(table)}, stored {_UNITS[table.unit]}")
     if grid is not None:
         try:

@@ -76,7 +76,9 @@ def main() -> None:
         if (words := advice(error.name)) is None:
             raise
         _stop(words)
-    except (ValueError, FileNotFoundError, FileExistsError, IsADirectoryError, PermissionError) as error:
+    except OSError as error:
+        _stop(str(error) if error.strerror is None else f"{error.filename or 'a file'}: {error.strerror}")
+    except ValueError as error:
         _stop(str(error))
 
 

@@ -1,7 +1,8 @@
 """What commands share while they compute: bars on stderr, Ctrl-C that keeps what is finished, and notes."""
 
 import time
-from collections.abc import Callable, Iterable, Sequence, Sized
+from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple, NoReturn, TypeVar
 
@@ -70,6 +71,30 @@ def drawing(count: int) -> Callable[[], None]:
         next(steps, None)
 
     return step
+
+
+@contextmanager
+def reading(path: Path) -> Iterator[Callable[[int, int | None], None]]:
+    """A bar once a file has been read for a second; what is yielded goes to `read_spectra` as ``progress``."""
+    from rich.console import Console
+    from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
+
+    columns = (TextColumn("reading {task.description}"), BarColumn(), DownloadColumn(), TimeRemainingColumn())
+    screen = Console(stderr=True)
+    bar = Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal)
+    task, start = bar.add_task(path.name.replace("[", "\\["), total=None), time.monotonic()
+
+    def told(done: int, size: int | None) -> None:
+        if time.monotonic() - start > 1.0:
+            bar.start()
+            bar.update(task, completed=done, total=size)
+
+    try:
+        yield told
+    finally:
+        # A bar that never began would end with an empty line.
+        if bar.live.is_started:
+            bar.stop()
 
 
 def print_notes(console: "Console", file: Path | str, notes: Sequence[str]) -> None:

@@ -88,7 +88,8 @@ class SpectraCube:
 
 def with_gaps(raw: np.ndarray, ignore: float | None) -> Float[np.ndarray, "..."]:
     """Numbers of a file as float64, NaN where they are the mark of missing data."""
-    values = raw.astype(np.float64)
+    with np.errstate(invalid="ignore"):  # NaN of a kind that signals
+        values = raw.astype(np.float64)
     if ignore is not None:
         # A mark such as -1.23e34 is rounded as the data are.
         mark = np.float64(raw.dtype.type(ignore)) if raw.dtype.kind == "f" else ignore

@@ -8,6 +8,7 @@ instrument's noise about black and become 0, with a note; further below they are
 wavelength. Names are made different by numbers.
 """
 
+import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -18,6 +19,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ..spectra import MAX_FRACTION, MIN_PERCENT, as_fraction, validate_wavelengths
+from .source import refusal
 from .spectra_table import SpectraTable, listed
 
 # CxF3's own bound for a reflectance. Above it the unit or the scale that the file declares is wrong.
@@ -72,7 +74,7 @@ def finish(raw: RawSpectra, path: Path, *, unit: str | None = None) -> SpectraTa
     try:
         return _finish(raw, unit)
     except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
+        raise refusal(path, error) from None
 
 
 def _finish(raw: RawSpectra, unit: str | None) -> SpectraTable:
@@ -80,18 +82,23 @@ def _finish(raw: RawSpectra, unit: str | None) -> SpectraTable:
     if not len(raw.names):
         raise ValueError("the file holds no spectra")
     notes = list(raw.notes)
-    names = different([name.strip() or f"spectrum {i + 1}" for i, name in enumerate(raw.names)], notes)
+    names = raw.names
+    # The reader of tables has seen that names differ, in less room.
+    if not raw.by_hand or any(plain_name(name) != name for name in names):
+        names = different([plain_name(name) or f"spectrum {i + 1}" for i, name in enumerate(names)], notes)
     values, wavelengths = np.asarray(raw.values, np.float64), np.asarray(raw.wavelengths, np.float64)
     if np.isfinite(wavelengths).all() and (np.diff(wavelengths) < 0).any():
         order = np.argsort(wavelengths, kind="stable")
         notes.append("bands were sorted by wavelength")
         wavelengths, values = wavelengths[order], values[:, order]
-    rows = list(range(len(names)))
+    rows: Sequence[int] = range(len(names))
     if raw.missing == "drop":
         wavelengths, values, rows = _without_missing(wavelengths, values, names, notes)
         names = [names[i] for i in rows]
     grid = validate_wavelengths(wavelengths)
-    values, found = _fractions(raw, values, names, notes)
+    if not values.flags.writeable:
+        values = values.copy()
+    found = _to_fractions(raw, values, names, notes)
     attributes = {title: tuple(column[i] for i in rows) for title, column in raw.attributes.items()}
     return SpectraTable(grid, tuple(names), values, notes, raw.format, unit or found, attributes)
 
@@ -118,50 +125,53 @@ def _without_missing(
     return wavelengths[bands], values[rows][:, bands], [i for i, keep in enumerate(rows) if keep]
 
 
-def _fractions(
+def _to_fractions(
     raw: RawSpectra, values: Float[np.ndarray, "rows bands"], names: Sequence[str], notes: list[str]
-) -> tuple[Float[np.ndarray, "rows bands"], str]:
-    """Reflectance as a fraction, and the unit it was in."""
-    wrong = ~np.isfinite(values)
+) -> str:
+    """Turn the values themselves into fractions, as a large table has no room for copies; the unit they were in."""
+    lows, peaks = values.min(axis=1), values.max(axis=1)  # NaN where a value is
+    wrong = ~(np.isfinite(lows) & np.isfinite(peaks))
     if wrong.any():
-        i, j = (int(k) for k in np.argwhere(wrong)[0])
+        i = int(wrong.argmax())
+        j = int(np.isfinite(values[i]).argmin())
         raise ValueError(f"reflectance of {names[i]!r} is not finite at band {j + 1}: {values[i, j]:g}")
-    scale = raw.scale or _detected_scale(np.maximum(values, 0.0), names, raw.by_hand)
+    scale = raw.scale or _detected_scale(peaks if peaks.min() >= 0 else np.maximum(peaks, 0.0), names, raw.by_hand)
     if scale == 100.0:
         notes.append("values are in percent; divided by 100")
     elif scale != 1.0:
         notes.append(f"the file says that {scale:g} is a reflectance of 1; divided by it")
-    fractions = values / scale
-    i, j = (int(k) for k in np.unravel_index(fractions.argmin(), fractions.shape))
-    if fractions[i, j] < raw.lowest:
+    if scale != 1.0:
+        values /= scale
+        lows, peaks = lows / scale, peaks / scale
+    darkest = int(lows.argmin())
+    if lows[darkest] < raw.lowest:
+        j = int(values[darkest].argmin())
         raise ValueError(
-            f"reflectance of {names[i]!r} is negative at band {j + 1}: {values[i, j]:g}, more than noise "
-            f"(down to {raw.lowest * scale:g})"
+            f"reflectance of {names[darkest]!r} is negative at band {j + 1}: {lows[darkest] * scale:g}, more than "
+            f"noise (down to {raw.lowest * scale:g})"
         )
-    if fractions[i, j] < 0:
-        count = int((fractions < 0).sum())
-        notes.append(f"{count} values slightly below 0 (noise, down to {fractions[i, j]:.2g}) became 0")
-        fractions = np.maximum(fractions, 0.0)
-    peaks = fractions.max(axis=1)
+    if lows[darkest] < 0:
+        count = sum(int((values[i] < 0).sum()) for i in np.flatnonzero(lows < 0))
+        notes.append(f"{count} values slightly below 0 (noise, down to {lows[darkest]:.2g}) became 0")
+        np.maximum(values, 0.0, out=values)
     worst = int(peaks.argmax())
     if peaks[worst] > raw.highest:
         raise ValueError(
             f"reflectance of {names[worst]!r} reaches {peaks[worst]:g} as a fraction, where {raw.highest:g} is the "
             "most: is the file's unit or scale factor right?"
         )
-    bright = listed([name for name, peak in zip(names, peaks, strict=True) if peak > 1])
+    bright = listed([names[int(i)] for i in np.flatnonzero(peaks > 1)])
     if bright:
         verb = "exceeds" if (peaks > 1).sum() == 1 else "exceed"
         causes = "fluorescence, highlights or calibration"
         notes.append(f"{bright} {verb} a reflectance of 1, up to {peaks[worst]:.3g} ({causes}); kept")
-    return fractions, {1.0: "fraction", 100.0: "percent"}.get(scale, "scaled")
+    return {1.0: "fraction", 100.0: "percent"}.get(scale, "scaled")
 
 
-def _detected_scale(values: Float[np.ndarray, "rows bands"], names: Sequence[str], by_hand: bool) -> float:
-    """100 for values in percent, 1 for fractions."""
+def _detected_scale(peaks: Float[np.ndarray, "rows"], names: Sequence[str], by_hand: bool) -> float:
+    """100 for values in percent, 1 for fractions, told from the largest value of each spectrum."""
     if by_hand:
-        return 1.0 if as_fraction(values, names)[1] is None else 100.0
-    peaks = values.max(axis=1)
+        return 1.0 if as_fraction(peaks[:, None], names)[1] is None else 100.0
     percent = bool(np.median(peaks) > MIN_PERCENT)
     strange = peaks <= MAX_FRACTION if percent else peaks > MAX_DECLARED
     if strange.any():
@@ -171,8 +181,19 @@ def _detected_scale(values: Float[np.ndarray, "rows bands"], names: Sequence[str
     return 100.0 if percent else 1.0
 
 
-def different(names: Sequence[str], notes: list[str]) -> list[str]:
+# What no format of names can hold: control characters, surrogates, and two that XML forbids.
+_UNFIT = re.compile(r"[\x00-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
+
+
+def plain_name(name: str) -> str:
+    """A name without control characters and without the blanks around it."""
+    return " ".join(_UNFIT.sub(" ", name).split()) if _UNFIT.search(name) else name.strip()
+
+
+def different(names: list[str], notes: list[str]) -> list[str]:
     """Names made different: the second ``red`` becomes ``red (2)``; a note says how many changed."""
+    if len(set(names)) == len(names):
+        return names
     counts = Counter(names)
     taken, used, result = set(counts), Counter(), []
     for name in names:

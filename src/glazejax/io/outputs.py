@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+from .source import shown
+
 
 def check_output(path: str | Path, *, overwrite: bool = False, argument: str = "", switch: str = "--overwrite") -> Path:
     """The path of a file, if it can be written.
@@ -16,13 +18,20 @@ def check_output(path: str | Path, *, overwrite: bool = False, argument: str = "
         FileExistsError: the file exists and `overwrite` is false.
         FileNotFoundError: its folder does not exist.
         IsADirectoryError: it is a folder.
+        OSError: the system knows no such name, as it is too long.
     """
     path = Path(path)
-    said = f"{argument} {path}" if argument else f"{path}"
-    if path.is_dir():
-        raise IsADirectoryError(f"{said} is a folder: name a file in it")
-    if not path.parent.is_dir():
-        raise FileNotFoundError(f"{said}: the folder {path.parent} does not exist")
-    if path.exists() and not overwrite:
+    said = f"{argument} {shown(path)}" if argument else shown(path)
+    try:
+        if path.is_dir():
+            raise IsADirectoryError(f"{said} is a folder: name a file in it")
+        if not path.parent.is_dir():
+            raise FileNotFoundError(f"{said}: the folder {path.parent} does not exist")
+        there = path.exists()
+    except OSError as error:
+        if error.strerror is None:
+            raise
+        raise type(error)(f"{said}: cannot be written: {error.strerror}") from None
+    if there and not overwrite:
         raise FileExistsError(f"{said} exists; choose another name, or replace it with {switch}")
     return path

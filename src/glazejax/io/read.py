@@ -1,53 +1,60 @@
 """The one entry to read spectra: tells the format by the content and calls its reader."""
 
+from importlib import import_module
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from .cube import SpectraCube
 from .finish import finish
-from .sniff import header_beside, identify
+from .sniff import Kind, header_beside, identify
+from .source import Progress, Source, opened
 from .spectra_table import SpectraTable
 
+if TYPE_CHECKING:
+    from .formats.envi import EnviFile
 
-def read_spectra(path: str | Path) -> SpectraTable:
+# Module and function of each format's reader; they are imported when a file asks for them.
+_READERS = {
+    "table": ("table", "read_table"),
+    "columns": ("table", "read_columns"),
+    "cgats": ("cgats", "read_cgats"),
+    "cxf": ("cxf", "read_cxf"),
+    "jcamp": ("jcamp", "read_jcamp"),
+    "asd": ("asd", "read_asd"),
+    "json": ("listing", "read_listing"),
+}
+
+
+def read_spectra(path: str | Path, *, progress: Progress | None = None) -> SpectraTable:
     """Read reflectance spectra, in any format that is known.
 
     CSV or TSV, wide, long or longest; columns of numbers without a header; ENVI spectral libraries and images
     (header or data file named; of an image every pixel); CGATS text; CxF3; JCAMP-DX; ASD; and JSON lists of
     wavelengths and spectra, as Kimera's. The content tells which, not the name. Values are fractions or percent,
     as the file says or as `glazejax.spectra.as_fraction` detects; the table says in `notes` what was changed.
+    A pipe such as ``/dev/stdin`` reads as a file does. Tables are read in pieces and may be large.
 
     Two samples of one name are an error in a text table, which can be mended by hand; in the other formats the
     second becomes ``name (2)``, with a note.
 
+    Args:
+        path: of the file.
+        progress: called with the bytes read and those of the file (None for a pipe) as it is read.
+
     Raises:
         FileNotFoundError: no such file, or an ENVI header without its data.
+        OSError: the system cannot read it.
         ValueError: the file is not legal; the message is one line that says where and what would mend it.
     """
     path = Path(path)
-    kind = identify(path)
-    if kind in ("envi header", "envi data"):
-        from .formats.envi import is_library, read_envi_cube, read_envi_library
-
-        header = path if kind == "envi header" else header_beside(path)
-        assert header is not None
-        if not is_library(header):
-            return read_envi_cube(header, path if kind == "envi data" else None).table()
-        return finish(read_envi_library(header, path if kind == "envi data" else None), path)
-    if kind == "cgats":
-        from .formats.cgats import read_cgats as reader
-    elif kind == "cxf":
-        from .formats.cxf import read_cxf as reader
-    elif kind == "jcamp":
-        from .formats.jcamp import read_jcamp as reader
-    elif kind == "asd":
-        from .formats.asd import read_asd as reader
-    elif kind == "json":
-        from .formats.listing import read_listing as reader
-    elif kind == "columns":
-        from .formats.table import read_columns as reader
-    else:
-        from .formats.table import read_table as reader
-    return finish(reader(path), path)
+    with opened(path, progress=progress) as source:
+        kind = identify(source)
+        if kind not in ("envi header", "envi data"):
+            module, name = _READERS[kind]
+            reader = getattr(import_module(f".formats.{module}", __package__), name)
+            return finish(reader(source), path)
+        envi = _envi(source, kind)
+        return finish(envi.library(), path) if envi.is_library else envi.cube().table()
 
 
 def read_cube(path: str | Path) -> SpectraCube:
@@ -55,15 +62,26 @@ def read_cube(path: str | Path) -> SpectraCube:
 
     Raises:
         FileNotFoundError: no such file, or a header without its data.
+        OSError: the system cannot read it.
         ValueError: it is no ENVI image, or not a legal one.
     """
-    path = Path(path)
-    kind = identify(path)
-    header = path if kind == "envi header" else header_beside(path)
-    if kind not in ("envi header", "envi data") or header is None:
-        raise ValueError(f"{path}: not an ENVI image; read_spectra reads tables and libraries of spectra")
-    from .formats.envi import is_library, read_envi_cube
+    with opened(path) as source:
+        kind = identify(source)
+        if kind not in ("envi header", "envi data"):
+            raise source.error("not an ENVI image; read_spectra reads tables and libraries of spectra")
+        envi = _envi(source, kind)
+        if envi.is_library:
+            raise source.error("an ENVI spectral library, not an image; use read_spectra")
+        return envi.cube()
 
-    if is_library(header):
-        raise ValueError(f"{path}: an ENVI spectral library, not an image; use read_spectra")
-    return read_envi_cube(header, path if kind == "envi data" else None)
+
+def _envi(source: Source, kind: Kind) -> "EnviFile":
+    """ENVI file of which the header or the data were named."""
+    from .formats.envi import EnviFile
+
+    if kind == "envi header":
+        return EnviFile(source)
+    header = header_beside(source.path)
+    assert header is not None
+    with opened(header) as beside:
+        return EnviFile(beside, source.path)

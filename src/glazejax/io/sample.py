@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from .read import read_spectra
+from .source import is_there
 from .spectra_table import SpectraTable
 
 
@@ -15,7 +16,7 @@ def split_sample(text: str, folder: str | Path = "") -> tuple[Path, str]:
         folder: where a relative FILE is looked for.
     """
     path = Path(folder) / text
-    if path.is_file() or ":" not in text:
+    if ":" not in text or is_there(path):
         return path, ""
     file, _, sample = text.rpartition(":")
     return Path(folder) / file, sample
@@ -38,7 +39,7 @@ def read_sample(text: str, *, folder: str | Path = "", argument: str = "") -> Sp
     """
     lead = f"{argument} " if argument else ""
     path, sample = split_sample(text, folder)
-    if not path.is_file():
+    if not is_there(path):
         raise FileNotFoundError(f"{lead}{text!r} is neither a number from 0 to 1, such as 0.9, nor a file")
     table = read_spectra(path)
     some = ", ".join(table.names[:6]) + (", ..." if len(table) > 6 else "")

@@ -4,9 +4,10 @@ import re
 from pathlib import Path
 from typing import Literal
 
+from .source import HEAD, Source, is_there, opened
+
 Kind = Literal["table", "columns", "cgats", "cxf", "jcamp", "json", "envi header", "envi data", "asd"]
 
-_HEAD = 1 << 16
 _CGATS = re.compile(
     r"\A\s*(CGATS\S*|IT8\S*|ISO ?28178\S*|CTI[1-4]|SPECT|SPOT|NCLR)[ \t]*$|^[ \t]*BEGIN_DATA_FORMAT\b", re.MULTILINE
 )
@@ -17,25 +18,19 @@ _JSON = re.compile(r"\A\s*(\[\s*[\[{\]]|\{\s*[\"}])")
 _ASD = (b"ASD", b"as2", b"as3", b"as4", b"as5", b"as6", b"as7", b"as8")
 
 
-def identify(path: Path) -> Kind:
+def identify(source: Source) -> Kind:
     """Format of a file; ``table`` if its content tells none.
 
     Raises:
-        FileNotFoundError: no such file.
-        ValueError: it is a folder, or a zip archive such as an Excel workbook.
+        ValueError: it is a zip archive such as an Excel workbook.
     """
-    if not path.exists():
-        raise FileNotFoundError(f"{path}: there is no such file")
-    if path.is_dir():
-        raise ValueError(f"{path}: this is a folder, not a table of spectra")
-    with path.open("rb") as file:
-        head = file.read(_HEAD)
+    head = source.head
     if head.startswith(b"PK\x03\x04"):
-        raise ValueError(f"{path}: an Excel workbook or another zip archive; export the table as UTF-8 CSV")
+        raise source.error("an Excel workbook or another zip archive; export the table as UTF-8 CSV")
     if b"\0" in head:
         if head.startswith(_ASD):
             return "asd"
-        return "envi data" if header_beside(path) else "table"
+        return "envi data" if header_beside(source.path) else "table"
     text = head.decode("utf-8-sig", errors="replace")
     if text.split("\n", 1)[0].strip() == "ENVI":
         return "envi header"
@@ -47,18 +42,18 @@ def identify(path: Path) -> Kind:
         return "jcamp"
     if _CGATS.search(text):
         return "cgats"
-    if "\ufffd" in text and header_beside(path):
+    if "\ufffd" in text and header_beside(source.path):
         return "envi data"
-    return "columns" if _is_columns(text, len(head) == _HEAD) else "table"
+    return "columns" if _is_columns(text, len(head) == HEAD) else "table"
 
 
 def header_beside(path: Path) -> Path | None:
     """ENVI header of a data file: ``cube.hdr`` or ``cube.img.hdr`` for ``cube.img``, if there is one."""
-    for name in (path.with_suffix(".hdr"), path.with_name(path.name + ".hdr")):
+    for name in (path.with_suffix(".hdr"), path.with_name(path.name + ".hdr")) if path.name else ():
         for candidate in (name, name.with_suffix(".HDR")):
-            if candidate != path and candidate.is_file():
-                with candidate.open("rb") as file:
-                    if file.read(64).decode("utf-8-sig", errors="replace").split("\n", 1)[0].strip() == "ENVI":
+            if candidate != path and is_there(candidate):
+                with opened(candidate) as source:
+                    if source.head[:64].decode("utf-8-sig", errors="replace").split("\n", 1)[0].strip() == "ENVI":
                         return candidate
     return None
 
@@ -85,12 +80,3 @@ def _is_columns(text: str, cut: bool) -> bool:
         return all(len([float(cell) for cell in line.split()]) >= 2 for line in lines[:3])
     except ValueError:
         return False
-
-
-def decode(path: Path) -> str:
-    """Text of a file: UTF-8, else Latin-1, which old instruments write."""
-    content = path.read_bytes()
-    try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return content.decode("latin-1")

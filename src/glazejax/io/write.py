@@ -3,14 +3,14 @@
 import csv
 import io
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from ..spectra import MAX_FRACTION, validate_wavelengths
-from .finish import MAX_DECLARED, different
+from .finish import MAX_DECLARED, different, plain_name
 from .outputs import check_output
 from .spectra_table import SpectraTable, listed
 
@@ -54,9 +54,8 @@ def _plain(cell: object) -> object:
     return float(np.format_float_scientific(scalar)) if isinstance(scalar, np.floating) else scalar.item()
 
 
+_PIECE = 1 << 20
 _ENDINGS = {".csv": "csv", ".tsv": "csv", ".txt": "csv", ".cxf": "cxf", ".xml": "cxf", ".hdr": "envi", ".sli": "envi"}
-# What no format of names can hold: control characters, surrogates, and two that XML forbids.
-_UNFIT = re.compile(r"[\x00-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff]")
 
 
 def write_spectra(
@@ -97,18 +96,18 @@ def write_spectra(
     notes: list[str] = []
     if table.attributes:
         notes.append(f"only names and spectra are written, not {listed(list(table.attributes))}")
-    names = [" ".join(_UNFIT.sub(" ", name).split()) for name in table.names]
+    names = [" ".join(plain_name(name).split()) for name in table.names]
     names = [name or f"spectrum {i + 1}" for i, name in enumerate(names)]
     if (changed := sum(old != new for old, new in zip(table.names, names, strict=True))) > 0:
         notes.append(f"{changed} names lost control characters or blanks")
     table = replace(table, names=tuple(different(names, notes)))
     if kind == "csv":
-        files = {path: _format_csv(table, path, long).encode()}
+        files = {path: _format_csv(table, path, long)}
     elif kind == "cxf":
         from .formats.cxf import format_cxf
 
         try:
-            files = {path: format_cxf(table)}
+            files = {path: [format_cxf(table)]}
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
     else:
@@ -116,7 +115,7 @@ def write_spectra(
 
         header, numbers, said = format_envi(table)
         notes += said
-        files = {path.with_suffix(".sli"): numbers, path.with_suffix(".hdr"): header.encode()}
+        files = {path.with_suffix(".sli"): numbers, path.with_suffix(".hdr"): [header.encode()]}
     _write_files(files, overwrite)
     return notes
 
@@ -127,42 +126,61 @@ def _check(table: SpectraTable, path: Path) -> None:
     values = np.asarray(table.reflectance)
     if values.shape != (len(table), table.wavelengths.size) or not len(table):
         raise ValueError(f"{path}: {len(table)} names and reflectance of shape {values.shape} make no table to write")
-    wrong = ~(np.isfinite(values) & (values >= 0) & (values <= MAX_DECLARED))
-    if wrong.any():
-        i, j = (int(k) for k in np.argwhere(wrong)[0])
-        raise ValueError(
-            f"{path}: reflectance of {table.names[i]!r} is {values[i, j]:g} at {table.wavelengths[j]:g} nm; it must be "
-            f"a fraction from 0 to {MAX_DECLARED:g}"
-        )
+    # A large table has room for a mask only if one is needed.
+    if 0 <= values.min() <= values.max() <= MAX_DECLARED:
+        return
+    wrong = ~((values >= 0) & (values <= MAX_DECLARED))
+    i, j = (int(k) for k in np.argwhere(wrong)[0])
+    raise ValueError(
+        f"{path}: reflectance of {table.names[i]!r} is {values[i, j]:g} at {table.wavelengths[j]:g} nm; it must be "
+        f"a fraction from 0 to {MAX_DECLARED:g}"
+    )
 
 
-def _write_files(files: dict[Path, bytes], overwrite: bool) -> None:
+def _write_files(files: Mapping[Path, Iterable[bytes]], overwrite: bool) -> None:
     """Write all files or, if one may not be written, none; a file is there whole or not at all."""
     for path in files:
         check_output(path, overwrite=overwrite)
-    for path, content in files.items():
+    for path, pieces in files.items():
         part = path.with_name(path.name + ".part")
         try:
-            part.write_bytes(content)
+            with part.open("wb") as file:
+                file.writelines(pieces)
             part.replace(path)
         finally:
             part.unlink(missing_ok=True)
 
 
-def _format_csv(table: SpectraTable, path: Path, long: bool) -> str:
-    """Table as text; names are quoted, so that no letter in them is taken for a delimiter or a comment."""
-    text = io.StringIO()
-    if table.reflectance.max() > MAX_FRACTION:
-        # Without it the reader takes what is so bright for percent.
-        text.write("# unit: fraction\n")
-    delimiter = "\t" if path.suffix.lower() == ".tsv" else ","
-    writer = csv.writer(text, delimiter=delimiter, lineterminator="\n", quoting=csv.QUOTE_NONNUMERIC)
-    if long:
-        if any(re.fullmatch(r"[\d.,\s]*(nm)?", name) for name in table.names):
-            raise ValueError(f"{path}: names that are numbers would be read as wavelengths; write the wide layout")
-        writer.writerow(["wavelength_nm", *table.names])
-        writer.writerows(np.column_stack([table.wavelengths, table.reflectance.T]).tolist())
-    else:
-        writer.writerow(["Name", *table.wavelengths.tolist()])
-        writer.writerows([name, *row] for name, row in zip(table.names, table.reflectance.tolist(), strict=True))
-    return text.getvalue()
+def _format_csv(table: SpectraTable, path: Path, long: bool) -> Iterator[bytes]:
+    """Table as text, in pieces; names are quoted, so that no letter in them is taken for a delimiter or a comment.
+
+    Raises:
+        ValueError: a long table of names that are numbers (at once, not while it is written).
+    """
+    if long and any(re.fullmatch(r"[\d.,\s]*(nm)?", name) for name in table.names):
+        raise ValueError(f"{path}: names that are numbers would be read as wavelengths; write the wide layout")
+    values = table.reflectance.T if long else table.reflectance
+    header = ["wavelength_nm", *table.names] if long else ["Name", *table.wavelengths.tolist()]
+    first: Sequence[object] = table.wavelengths.tolist() if long else table.names
+
+    def pieces() -> Iterator[bytes]:
+        text = io.StringIO()
+        writer = csv.writer(
+            text,
+            delimiter="\t" if path.suffix.lower() == ".tsv" else ",",
+            lineterminator="\n",
+            quoting=csv.QUOTE_NONNUMERIC,
+        )
+        if table.reflectance.max() > MAX_FRACTION:
+            # Without it the reader takes what is so bright for percent.
+            text.write("# unit: fraction\n")
+        writer.writerow(header)
+        for title, row in zip(first, values, strict=True):
+            writer.writerow([title, *row.tolist()])
+            if text.tell() > _PIECE:
+                yield text.getvalue().encode()
+                text.seek(0)
+                text.truncate()
+        yield text.getvalue().encode()
+
+    return pieces()

@@ -2,8 +2,11 @@
 
 import csv
 import math
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
+from ..io.source import Source, opened, shown
 from .media import Pigment
 
 _NEEDED = ("pigment", "wavelength_nm", "absorption", "scattering")
@@ -11,6 +14,9 @@ _OPTIONAL = ("absorption_sd", "scattering_sd", "identifiable")
 _TRUTH = {"true": True, "1": True, "yes": True, "false": False, "0": False, "no": False}
 # Columns of one pigment by title, in the order of the file; `identifiable` holds booleans.
 _Columns = dict[str, list[float]]
+_Refusal = Callable[[str], ValueError]
+# A line takes up to 200 bytes while it is read, a pigment some thousand.
+_MAX_LINES, _MAX_PIGMENTS = 500_000, 20_000
 
 
 def read_pigments(path: str | Path, provenance: str = "") -> dict[str, Pigment]:
@@ -28,45 +34,47 @@ def read_pigments(path: str | Path, provenance: str = "") -> dict[str, Pigment]:
         ValueError: a column is missing, a cell is not a finite number, or a pigment's wavelengths do not
             ascend or its coefficients are negative; the message names file and line.
     """
-    path = Path(path)
-    if not path.exists():
-        raise FileNotFoundError(f"{path}: there is no such file of pigments")
-    if path.is_dir():
-        raise ValueError(f"{path} is a folder: give the file of pigments inside it, often pigments.csv")
-    try:
-        lines = path.read_text(encoding="utf-8-sig").splitlines()
-    except UnicodeDecodeError:
-        raise ValueError(f"{path}: not UTF-8 text; a table of pigments is a CSV file") from None
-    comments = " ".join(line.lstrip("# ").strip() for line in lines if line.startswith("#"))
-    numbered = [(i, line) for i, line in enumerate(lines, 1) if line.strip() and not line.startswith("#")]
-    if not numbered:
-        raise ValueError(f"{path}: the file is empty")
-    header = [title.strip() for title in next(csv.reader([numbered[0][1]]))]
-    missing = [title for title in _NEEDED if title not in header]
-    if missing:
-        raise ValueError(
-            f"{path}, line {numbered[0][0]}: no column {', '.join(missing)}; expected {','.join(_NEEDED + _OPTIONAL)}"
-        )
+    comments: list[str] = []
+    header: list[str] = []
     pigments: dict[str, _Columns] = {}
-    for number, line in numbered[1:]:
-        cells = [cell.strip() for cell in next(csv.reader([line]))]
-        where = f"{path}, line {number}"
-        if len(cells) != len(header):
-            raise ValueError(f"{where}: {len(cells)} cells where the header has {len(header)}")
-        _add(pigments, where, dict(zip(header, cells, strict=True)))
-    if not pigments:
-        raise ValueError(f"{path}: there is a header but no pigment below it")
-    return {name: _pigment(path, name, rows, provenance or comments) for name, rows in pigments.items()}
+    with opened(path, missing=f"{shown(path)}: there is no such file of pigments") as source:
+        for count, (number, line) in enumerate(source.lines()):
+            if line.startswith("#"):
+                comments.append(line.lstrip("# ").strip())
+            if not line.strip() or line.startswith("#"):
+                continue
+            error = partial(source.error, line=number)
+            try:
+                cells = [cell.strip() for cell in next(csv.reader([line]))]
+            except csv.Error as wrong:
+                raise error(f"{wrong}; is a quotation mark left open?") from None
+            if not header:
+                header = cells
+                missing = ", ".join(title for title in _NEEDED if title not in header)
+                if missing:
+                    raise error(f"no column {missing}; expected {','.join(_NEEDED + _OPTIONAL)}")
+                continue
+            if len(cells) != len(header):
+                raise error(f"{len(cells)} cells where the header has {len(header)}")
+            _add(pigments, error, dict(zip(header, cells, strict=True)))
+            if count > _MAX_LINES or len(pigments) > _MAX_PIGMENTS:
+                raise error(f"more than {_MAX_LINES} lines or {_MAX_PIGMENTS} pigments so far; split the file")
+        if not header:
+            raise source.error("the file is empty")
+        if not pigments:
+            raise source.error("there is a header but no pigment below it")
+        provenance = provenance or " ".join(comments)
+        return {name: _pigment(source, name, columns, provenance) for name, columns in pigments.items()}
 
 
-def _add(pigments: dict[str, _Columns], where: str, row: dict[str, str]) -> None:
+def _add(pigments: dict[str, _Columns], error: _Refusal, row: dict[str, str]) -> None:
     """Append a line of the file to its pigment."""
     name = row["pigment"]
     if not name:
-        raise ValueError(f"{where}: the pigment has no name")
+        raise error("the pigment has no name")
     columns = pigments.setdefault(name, {})
     for title in _NEEDED[1:]:
-        columns.setdefault(title, []).append(_number(where, row, title))
+        columns.setdefault(title, []).append(_number(error, row, title))
     for title in ("absorption_sd", "scattering_sd"):
         if title in row:
             # A standard deviation may be missing or infinite where a coefficient is not identifiable.
@@ -74,14 +82,15 @@ def _add(pigments: dict[str, _Columns], where: str, row: dict[str, str]) -> None
     if "identifiable" in row:
         truth = _TRUTH.get(row["identifiable"].lower())
         if truth is None:
-            raise ValueError(f"{where}: identifiable is {row['identifiable']!r}; it must be true or false")
+            raise error(f"identifiable is {row['identifiable']!r}; it must be true or false")
         columns.setdefault("identifiable", []).append(truth)
 
 
-def _number(where: str, row: dict[str, str], title: str) -> float:
+def _number(error: _Refusal, row: dict[str, str], title: str) -> float:
     value = _maybe(row[title])
-    if not math.isfinite(value):
-        raise ValueError(f"{where}: {title} is {row[title]!r}, not a finite number")
+    # Beyond it single precision has no numbers, and no paint has such coefficients.
+    if not abs(value) < 1e30:
+        raise error(f"{title} is {row[title]!r}, not a finite number" + " below 1e30" * math.isfinite(value))
     return value
 
 
@@ -92,10 +101,10 @@ def _maybe(cell: str) -> float:
         return math.nan
 
 
-def _pigment(path: Path, name: str, columns: _Columns, provenance: str) -> Pigment:
+def _pigment(source: Source, name: str, columns: _Columns, provenance: str) -> Pigment:
     def known(title: str) -> list[float] | None:
         values = columns.get(title, [])
-        return values if values and all(map(math.isfinite, values)) else None
+        return values if values and all(abs(value) < 1e30 for value in values) else None
 
     try:
         return Pigment(
@@ -104,7 +113,7 @@ def _pigment(path: Path, name: str, columns: _Columns, provenance: str) -> Pigme
             absorption_sd=known("absorption_sd"),
             scattering_sd=known("scattering_sd"),
             identifiable=columns.get("identifiable"),
-            provenance=provenance or f"from {path}",
+            provenance=provenance or f"from {source.path}",
         )
     except ValueError as error:
-        raise ValueError(f"{path}, pigment {name!r}: {error}") from None
+        raise source.error(f"pigment {name!r}: {error}") from None

@@ -16,6 +16,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...colour import colour_weights
+from ...io.source import opened, shown
 from ...spectra import describe_grid, validate_wavelengths
 from ..display.display import Display
 from .file_materials import read_material, read_reflectance
@@ -25,6 +26,9 @@ from .scene import Camera, Scene
 from .shapes import Box, Plane, Shape, Sphere
 
 _DEFAULT_WAVELENGTHS = "400:700:10"
+_MAX_FILE = 1 << 20
+# The time that Python's parser takes for a key grows with the square of its parts.
+_MAX_LINE = 10_000
 
 
 @dataclass(frozen=True)
@@ -63,12 +67,18 @@ def read_scene(path: str | Path) -> SceneFile:
         ValueError: anything wrong in it; the message names the table, the key, the value and what would do.
     """
     path = Path(path)
-    if not path.is_file():
-        raise FileNotFoundError(f"there is no scene file {path}; glazejax scene --example prints one to start from")
-    try:
-        content = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ValueError(f"{path}: not a legal TOML file: {error}") from None
+    missing = f"there is no scene file {shown(path)}; glazejax scene --example prints one to start from"
+    with opened(path, missing=missing) as source:
+        # A character may become 20 times itself in Python's parser.
+        text = source.text(most=_MAX_FILE, fallback=None)
+        long = next((i for i, line in enumerate(text.splitlines(), start=1) if len(line) > _MAX_LINE), None)
+        if long is not None:
+            raise source.error(f"more than {_MAX_LINE} characters, too long for a line of a scene file", long)
+        try:
+            content = tomllib.loads(text)
+        except ValueError as error:
+            digits = "a number has thousands of digits" if "digits" in str(error) else error
+            raise source.error(f"not a legal TOML file: {digits}") from None
     return _scene(TomlTable(path.name, "", content), path.parent)
 
 

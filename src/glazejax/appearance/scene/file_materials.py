@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from ...io.source import opened, refusal, shown
 from ...paint.describe import format_length, make_media, name_paints, parse_layers
 from ...paint.media import MAX_THICKNESS, Glaze, Layer
 from ...spectra import describe_grid, resample
@@ -16,6 +17,7 @@ from .materials import Conductor, Glazed, Lambert, Material, Phong
 # What a measured white may reach by noise and calibration.
 _NOISY_WHITE = 1.05
 _KINDS = ("lambert", "phong", "metal", "glaze")
+_MAX_PIXELS = 1 << 24
 # The built-in map: from 0 on the left to 1 on the right, between which it is interpolated.
 _WEDGE = np.linspace(0.0, 1.0, 1024)[None]
 
@@ -103,23 +105,49 @@ def read_grey(path: Path) -> Float[np.ndarray, "h w"]:
         FileNotFoundError: no such file.
         ValueError: it is no picture, or an array of something else.
     """
-    if not path.is_file():
-        raise FileNotFoundError(f"there is no file {path}")
+    with opened(path, missing=f"there is no file {shown(path)}") as source:
+        if source.size is None:
+            raise source.error("a pipe; a map must be a file")
     if path.suffix.lower() == ".npy":
-        values = np.load(path)
-        if values.ndim != 2 or not np.issubdtype(values.dtype, np.number) or not np.all(np.isfinite(values)):
-            raise ValueError(f"{path} must hold finite numbers (h, w), not {values.dtype} {values.shape}")
+        try:
+            # Mapped: its header is held against the size of the file before anything is taken.
+            with np.errstate(all="ignore"):
+                values = np.load(path, mmap_mode="r", allow_pickle=False)
+        except Exception as error:  # NumPy raises many kinds
+            raise refusal(path, f"not an array that can be read ({error})") from None
+        if values.ndim != 2 or values.dtype.kind not in "iuf" or not 0 < values.size <= _MAX_PIXELS:
+            raise refusal(path, f"must hold finite numbers (h, w), not {values.dtype} {values.shape}")
+        values = np.array(values, float)
+        if not np.all(np.isfinite(values)):
+            raise refusal(path, "must hold finite numbers (h, w); some are not")
         if values.min() < 0 or values.max() > 1:
-            raise ValueError(f"{path} must hold 0 to 1, not {values.min():g} to {values.max():g}")
-        return values.astype(float)
+            raise refusal(path, f"must hold 0 to 1, not {values.min():g} to {values.max():g}")
+        return values
     from matplotlib.image import imread
+    from PIL import Image
 
     try:
-        picture = np.asarray(imread(path))
+        with Image.open(path) as found:
+            width, height = found.size
     except Exception as error:  # Pillow raises many kinds
-        raise ValueError(f"{path} is not a picture that can be read ({type(error).__name__})") from None
-    picture = picture / 255.0 if picture.dtype == np.uint8 else picture.astype(float)
-    return picture if picture.ndim == 2 else picture[..., :3].mean(axis=-1)
+        raise refusal(path, f"not a picture that can be read ({type(error).__name__})") from None
+    if width * height > _MAX_PIXELS:
+        raise refusal(
+            path, f"{width} x {height} pixels are too many for a map (at most {_MAX_PIXELS}); make it smaller"
+        )
+    try:
+        picture = np.asarray(imread(path))
+    except Exception as error:
+        raise refusal(path, f"not a picture that can be read ({type(error).__name__})") from None
+    top = 255.0 if picture.dtype == np.uint8 else 1.0
+    grey = np.empty(picture.shape[:2])
+    # Row by row, as the whole picture in double precision would take eight times its size.
+    for i, row in enumerate(picture):
+        shade = row.astype(float) / top
+        grey[i] = shade if row.ndim == 1 else shade[..., :3].mean(axis=-1)
+    if not 0 <= grey.min() <= grey.max() <= 1:
+        raise refusal(path, f"must hold 0 to 1, not {grey.min():g} to {grey.max():g}; save it with 8 bits a colour")
+    return grey
 
 
 def read_reflectance(

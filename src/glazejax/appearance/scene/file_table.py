@@ -7,7 +7,10 @@ from typing import Any, overload
 
 import numpy as np
 
+from ...io.source import refusal, shortened
+
 _REQUIRED: Any = object()
+_LARGEST = 10**300
 
 
 class TomlTable:
@@ -39,17 +42,17 @@ class TomlTable:
 
     def error(self, key: str, words: str) -> ValueError:
         """An error at a key."""
-        return ValueError(f"{self.where(key)}: {words}")
+        return refusal(self.where(key), words)
 
     @contextmanager
     def blamed(self, key: str = "") -> Iterator[None]:
         """What is refused inside is said to be here."""
         try:
             yield
-        except (ValueError, FileNotFoundError) as error:
+        except (ValueError, OSError) as error:
             if str(error).startswith(self.file):
                 raise
-            raise type(error)(f"{self.where(key)}: {error}") from None
+            raise type(error)(f"{self.where(key)}: {shortened(str(error))}") from None
 
     def done(self) -> None:
         """Refuse keys that nobody asked for.
@@ -66,7 +69,10 @@ class TomlTable:
     def _get(self, key: str, default: Any) -> Any:
         self._used.append(key)
         if key in self._content:
-            return self._content[key]
+            value = self._content[key]
+            if not _fits(value):
+                raise self.error(key, "holds a number of too many digits")
+            return value
         if default is _REQUIRED:
             near = difflib.get_close_matches(key, self._content, n=1)
             raise self.error("", f"{key} is missing" + (f"; is {near[0]!r} meant to be it?" if near else ""))
@@ -159,3 +165,10 @@ class TomlTable:
     def raw(self, key: str, default: Any = _REQUIRED) -> Any:
         """A value of any kind."""
         return self._get(key, default)
+
+
+def _fits(value: Any) -> bool:
+    """Whether numbers are such as a float can hold; TOML's whole numbers have no bound."""
+    if isinstance(value, list):
+        return all(map(_fits, value))
+    return not isinstance(value, int) or abs(value) < _LARGEST

@@ -67,6 +67,10 @@ def lamp(name: str, wavelengths: Grid, strength: float = 1.0) -> Float[np.ndarra
     return lamp_on_bands(table.wavelengths, table.values, wavelengths, strength, words=f"the illuminant {full}")
 
 
+# A lamp at every nanometre takes some kilobytes, and NumPy's reader a hundred times a file's size.
+_MAX_FILE = 1 << 20
+
+
 def measured_lamp(text: str | Path, wavelengths: Grid, strength: float = 1.0) -> Float[np.ndarray, "bands"]:
     """Spectrum of a lamp from a table: wavelengths in the first column, a lamp in each other one, names on top.
 
@@ -79,20 +83,31 @@ def measured_lamp(text: str | Path, wavelengths: Grid, strength: float = 1.0) ->
         ValueError: it is no such table, the name is not in it, or it does not cover the bands.
     """
     from ...io.sample import split_sample
+    from ...io.source import opened, refusal, shown
 
     path, name = split_sample(str(text))
-    if not path.is_file():
-        raise FileNotFoundError(f"there is no file {path} with the spectrum of a lamp")
-    try:
-        found = colour_science().read_sds_from_csv_file(str(path))
-    except Exception as error:  # colour-science raises whatever NumPy does
-        raise ValueError(f"{path}: not a table of wavelengths and lamps ({error})") from None
+    with opened(path, missing=f"there is no file {shown(path)} with the spectrum of a lamp") as source:
+        lines = source.text(most=_MAX_FILE).splitlines()
+        try:
+            # The form that colour-science reads and writes; its own reader takes no open file.
+            table = np.genfromtxt(lines, delimiter=",", names=True, deletechars="", replace_space=" ", dtype=float)
+        except Exception as error:  # NumPy raises whatever its parts do
+            raise source.error(f"not a table of wavelengths and lamps ({error})") from None
+    titles = list(table.dtype.names or ())
+    if len(titles) < 2 or not table.size:
+        raise refusal(path, "not a table of wavelengths and lamps: it needs two columns, titles and a line below them")
+    table = np.sort(np.atleast_1d(table), order=titles[0])
+    found = {title: table[title] for title in titles[1:]}
+    own = table[titles[0]]
     if not name and len(found) > 1:
         raise ValueError(f"{path} holds {len(found)} lamps: choose one, as {path}:{next(iter(found))}")
     if name and name not in found:
         raise ValueError(f"{path} holds no lamp {name!r}; there are {', '.join(list(found)[:6])}")
-    table = found[name or next(iter(found))]
-    return lamp_on_bands(table.wavelengths, table.values, wavelengths, strength, words=f"the lamp in {path}")
+    power = found[name or next(iter(found))]
+    wrong = ~(np.isfinite(own) & np.isfinite(power))
+    if wrong.any():
+        raise refusal(path, f"the lamp lacks a number at {own[wrong][0]:g} nm, or that is none")
+    return lamp_on_bands(own, power, wavelengths, strength, words=f"the lamp in {path}")
 
 
 def lamp_on_bands(

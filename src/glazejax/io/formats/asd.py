@@ -1,56 +1,86 @@
-"""ASD binary files (FieldSpec and its kin, versions 1 to 8), decoded by pyASDReader: one spectrum a file."""
+"""ASD binary files (FieldSpec and its kin, versions 1 to 8): one spectrum a file.
 
-import logging
-from pathlib import Path
-from typing import Any
-from unittest import mock
+Offsets and codes after ASD document 600545, "ASD file format version 8": a header of 484 bytes, the spectrum, and from
+version 2 on the white reference with a header of its own. What follows that (classifiers, calibration, audit log) is
+not read.
+"""
+
+import struct
 
 import numpy as np
+from jaxtyping import Float
 
 from ..finish import RawSpectra
+from ..source import Source
+
+_HEADER = 484
+_KINDS = ("raw", "ref", "rad", "nounits", "irrad", "qi", "trans", "unknown", "abs")
+# Of the format's codes of numbers; 3 is unknown, which old instruments write for float64.
+_NUMBERS = {0: "<f4", 1: "<i4", 2: "<f8", 3: "<f8"}
 
 
-def _open(path: Path) -> Any:
-    """File as pyASDReader sees it. What it cannot parse stays None; it logs why, to nobody here."""
-    # On import the package opens a log file in the working folder and takes the root logger: neither is wanted.
-    with mock.patch("logging.FileHandler", return_value=logging.NullHandler()), mock.patch("logging.basicConfig"):
-        from pyASDReader import ASDFile
-    logging.getLogger("pyASDReader").setLevel(logging.CRITICAL + 1)
-    return ASDFile(str(path))
-
-
-def read_asd(path: Path) -> RawSpectra:
+def read_asd(source: Source) -> RawSpectra:
     """Read the reflectance of an ASD file: its counts over those of its white reference, or stored as such.
 
     Raises:
         ValueError: the file is cut short or damaged, is a radiance or another quantity, or has no white reference.
     """
-    try:
-        file = _open(path)
-        header, stored = file.metadata, file.spectrumData
-    except Exception as error:
-        raise ValueError(f"{path}: not a legal ASD file: {error}") from None
-    if header is None or stored is None or stored.spectra is None:
-        raise ValueError(f"{path}: an ASD file that was cut short or is damaged: its header or spectrum cannot be read")
-    kind = header.dataType.name.removeprefix("dt_").removesuffix("_TYPE").lower()
+    content = source.content()
+    if len(content) < _HEADER:
+        raise source.error(f"an ASD file that was cut short or is damaged: {len(content)} bytes of its header's 484")
+    code, start, step, number = content[186], *struct.unpack_from("<ff", content, 191), content[199]
+    (channels,) = struct.unpack_from("<H", content, 204)
+    version = 1 if content[:3] == b"ASD" else int(content[2:3])
+    if code >= len(_KINDS) or number not in _NUMBERS or not (channels and start > 0 and step > 0):
+        raise source.error(
+            f"an ASD file that was cut short or is damaged: its header has type {code}, number format {number} and "
+            f"{channels} channels from {start:g} nm in steps of {step:g} nm"
+        )
+    kind = _KINDS[code]
     if kind not in ("ref", "raw", "abs"):
-        raise ValueError(f"{path}: an ASD file of type {kind!r}; only reflectance can be read")
-    wavelengths = header.channel1Wavelength + header.wavelengthStep * np.arange(header.channels)
-    counts = np.asarray(stored.spectra, float)
+        raise source.error(f"an ASD file of type {kind!r}; only reflectance can be read")
+    wavelengths = float(start) + float(step) * np.arange(channels)
+    counts, end = _spectrum(content, _HEADER, _NUMBERS[number], channels)
+    if counts is None:
+        raise source.error(
+            f"an ASD file that was cut short or is damaged: {len(content)} bytes are too few for {channels} channels"
+        )
     if not np.isfinite(counts).all():
         band = int(np.argmin(np.isfinite(counts)))
-        raise ValueError(f"{path}: the spectrum is not finite at {wavelengths[band]:g} nm: {counts[band]}")
-    white = file.referenceData.spectra if file.referenceData is not None else None
-    name = header.comments.decode("latin-1").split("\0")[0].strip() or path.stem
-    if white is None or not np.any(white):
-        version = header.asdFileVersion.value
+        raise source.error(f"the spectrum is not finite at {wavelengths[band]:g} nm: {counts[band]}")
+    name = content[3:160].strip(b"\0").decode("latin-1").split("\0")[0].strip() or source.path.stem
+    white = None
+    if version >= 2 and end < len(content):
+        white, end = _white(content, end, _NUMBERS[number], channels)
+        if white is None:
+            raise source.error("an ASD file without its white reference, or cut short before it: counts only")
+    # Nothing else follows before version 6, but for a mark of three bytes.
+    if version < 6 and len(content) - end > 3:
+        raise source.error(f"an ASD file that is damaged: {len(content) - end} bytes after its {channels} channels")
+    if white is None or not (white != 0).any():
         # Version 1 has no room for a reference: what it calls reflectance is reflectance.
         if kind == "raw" or (kind == "ref" and version >= 2 and white is None):
-            raise ValueError(f"{path}: an ASD file without its white reference, or cut short before it: counts only")
+            raise source.error("an ASD file without its white reference, or cut short before it: counts only")
         return RawSpectra(wavelengths, [name], counts[None], "ASD binary", ["reflectance as stored in the file"])
-    white = np.asarray(white, float)
     dark = ~(white > 0)
     # Integration time and gains are the same for both, so they cancel.
-    values = np.where(dark, np.nan, counts / np.where(dark, 1.0, white))
+    with np.errstate(all="ignore"):  # what is damaged may overflow, and is refused as not finite
+        values = np.where(dark, np.nan, counts / np.where(dark, 1.0, white))
     notes = ["counts were divided by those of the white reference"]
     return RawSpectra(wavelengths, [name], values[None], "ASD binary", notes, 1.0, missing="drop")
+
+
+def _spectrum(content: bytes, start: int, kind: str, channels: int) -> tuple[Float[np.ndarray, "channels"] | None, int]:
+    """Numbers of a spectrum that begins at a byte, and the byte after it; None if the file ends before."""
+    end = start + channels * np.dtype(kind).itemsize
+    if end > len(content):
+        return None, start
+    return np.frombuffer(content, kind, channels, start).astype(np.float64), end
+
+
+def _white(content: bytes, start: int, kind: str, channels: int) -> tuple[Float[np.ndarray, "channels"] | None, int]:
+    """White reference, after whether there is one, two times and a description; None if it is cut short or damaged."""
+    if len(content) < start + 20 or content[start : start + 2] not in (b"\0\0", b"\xff\xff"):
+        return None, start
+    (length,) = struct.unpack_from("<h", content, start + 18)
+    return (None, start) if length < 0 else _spectrum(content, start + 20 + length, kind, channels)

@@ -3,12 +3,11 @@
 import math
 import re
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
 from ..finish import RawSpectra
-from ..sniff import decode
+from ..source import Source
 
 _CELL = re.compile(r'"([^"]*)"|(\S+)')
 # SPECTRAL_NM_380, SPECTRAL_NM380, SPECTRAL_380, SPEC_380, R_380, nm380, 380nm, 380
@@ -27,7 +26,7 @@ class _Sheet:
     ended: bool = False
 
 
-def read_cgats(path: Path) -> RawSpectra:
+def read_cgats(source: Source) -> RawSpectra:
     """Read the first table of a CGATS file that has spectra.
 
     Bands are fields such as ``SPECTRAL_NM_380``, ``SPEC_380`` or, in percent, ``SPECTRAL_PCT_380``. SPECTRAL_NORM
@@ -38,24 +37,24 @@ def read_cgats(path: Path) -> RawSpectra:
         ValueError: no BEGIN_DATA_FORMAT, no END_DATA (a file cut short), no spectral fields, a set of another
             length than the fields, another number of sets than the file promises, or a value that is no number.
     """
-    sheets = _sheets(path)
+    sheets = _sheets(source)
     if not sheets or not any(sheet.fields for sheet in sheets):
-        raise ValueError(f"{path}: CGATS text without fields: there is no BEGIN_DATA_FORMAT ... END_DATA_FORMAT")
+        raise source.error("CGATS text without fields: there is no BEGIN_DATA_FORMAT ... END_DATA_FORMAT")
     sheet = next((s for s in sheets if _bands(s)), None)
     if sheet is None:
         some = " ".join(sheets[0].fields[:6])
-        raise ValueError(f"{path}: CGATS text without spectra: no field such as SPECTRAL_NM_400 (there are {some} ...)")
-    _check_complete(path, sheet)
+        raise source.error(f"CGATS text without spectra: no field such as SPECTRAL_NM_400 (there are {some} ...)")
+    _check_complete(source, sheet)
     bands = _bands(sheet)
     named = next((name for name in _NAMES if name in [f.upper() for f in sheet.fields]), None)
     name_at = None if named is None else [f.upper() for f in sheet.fields].index(named)
     names, rows = [], []
     for number, (line, cells) in enumerate(sheet.sets, start=1):
         if len(cells) != len(sheet.fields):
-            raise ValueError(f"{path}, line {line}: {len(cells)} values where there are {len(sheet.fields)} fields")
+            raise source.error(f"{len(cells)} values where there are {len(sheet.fields)} fields", line)
         names.append(str(number) if name_at is None else cells[name_at])
-        rows.append([_value(path, line, sheet.fields[at], cells[at]) for at in bands])
-    scale = _scale(path, sheet)
+        rows.append([_value(source, line, sheet.fields[at], cells[at]) for at in bands])
+    scale = _scale(source, sheet)
     others = [at for at in range(len(sheet.fields)) if at not in bands and at != name_at]
     attributes = {sheet.fields[at]: [cells[at] for _, cells in sheet.sets] for at in others}
     notes = [] if len(sheets) == 1 else [f"the file has {len(sheets)} tables; the first with spectra was read"]
@@ -64,10 +63,10 @@ def read_cgats(path: Path) -> RawSpectra:
     )
 
 
-def _sheets(path: Path) -> list[_Sheet]:
+def _sheets(source: Source) -> list[_Sheet]:
     """Tables of the file; keywords above the first hold for all."""
     sheets, keywords, state = [], {}, "keywords"
-    for number, line in enumerate(decode(path).splitlines(), start=1):
+    for number, line in enumerate(source.text().splitlines(), start=1):
         cells = [quoted or plain for quoted, plain in _CELL.findall(_without_comment(line))]
         if not cells:
             continue
@@ -77,7 +76,7 @@ def _sheets(path: Path) -> list[_Sheet]:
             state, cells = "format", cells[1:]
         elif first == "BEGIN_DATA" and state != "data":
             if not sheets:
-                raise ValueError(f"{path}, line {number}: BEGIN_DATA without BEGIN_DATA_FORMAT before it")
+                raise source.error("BEGIN_DATA without BEGIN_DATA_FORMAT before it", number)
             if sheets[-1].ended:  # a further table with the same fields
                 sheets.append(_Sheet(dict(keywords), list(sheets[-1].fields)))
             sheets[-1].keywords.update(keywords)
@@ -120,35 +119,37 @@ def _bands(sheet: _Sheet) -> dict[int, float]:
     return found if len(found) > 1 else {}
 
 
-def _check_complete(path: Path, sheet: _Sheet) -> None:
+def _check_complete(source: Source, sheet: _Sheet) -> None:
     """Refuse a file that was cut short."""
     promised = sheet.keywords.get("NUMBER_OF_SETS")
     if not sheet.ended:
-        raise ValueError(f"{path}: there is no END_DATA after {len(sheet.sets)} sets; the file was cut short")
+        raise source.error(f"there is no END_DATA after {len(sheet.sets)} sets; the file was cut short")
     if promised is not None and promised != str(len(sheet.sets)):
-        raise ValueError(f"{path}: NUMBER_OF_SETS promises {promised} sets, and there are {len(sheet.sets)}")
+        raise source.error(f"NUMBER_OF_SETS promises {promised} sets, and there are {len(sheet.sets)}")
+    fields = sheet.keywords.get("NUMBER_OF_FIELDS")
+    if fields is not None and fields != str(len(sheet.fields)):
+        raise source.error(f"NUMBER_OF_FIELDS promises {fields} fields, and there are {len(sheet.fields)}")
     if not sheet.sets:
-        raise ValueError(f"{path}: there are fields but no sets between BEGIN_DATA and END_DATA")
+        raise source.error("there are fields but no sets between BEGIN_DATA and END_DATA")
 
 
-def _scale(path: Path, sheet: _Sheet) -> float | None:
+def _scale(source: Source, sheet: _Sheet) -> float | None:
     """Value that stands for a reflectance of 1, if the file says so."""
     norm = sheet.keywords.get("SPECTRAL_NORM")
     if norm is not None:
-        scale = _value(path, 0, "SPECTRAL_NORM", norm)
+        scale = _value(source, None, "SPECTRAL_NORM", norm)
         if scale <= 0:
-            raise ValueError(f"{path}: SPECTRAL_NORM is {norm}; it must be positive")
+            raise source.error(f"SPECTRAL_NORM is {norm}; it must be positive")
         return scale
     return 100.0 if any(_PERCENT.match(name) for name in sheet.fields) else None
 
 
-def _value(path: Path, line: int, title: str, cell: str) -> float:
+def _value(source: Source, line: int | None, title: str, cell: str) -> float:
     """Number in a cell; a decimal comma is understood."""
     try:
         value = float(cell.replace(",", "."))
     except ValueError:
         value = math.nan
     if not math.isfinite(value):
-        where = f"{path}, line {line}" if line else f"{path}"
-        raise ValueError(f"{where}: field {title}: {cell!r} is not a finite number")
+        raise source.error(f"field {title}: {cell[:30]!r} is not a finite number", line)
     return value

@@ -2,16 +2,18 @@
 
 import datetime
 import warnings
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ...spectra import describe_grid
 from ..finish import MAX_DECLARED, RawSpectra
+from ..source import Source
 from ..spectra_table import SpectraTable
 
 _NAMESPACE = b"colorexchangeformat.com/CxF3-core"
+# Each tag takes about a kilobyte when it is read, each word a quarter of one.
+_MAX_TAGS, _MAX_WORDS = 100_000, 600_000
 # Bounds of CxF3's schema for the first wavelength.
 _FIRST = (360, 400)
 
@@ -25,7 +27,7 @@ def _library() -> Any:
     return colour_cxf
 
 
-def read_cxf(path: Path) -> RawSpectra:
+def read_cxf(source: Source) -> RawSpectra:
     """Read the reflectance spectra of all objects of a CxF3 file.
 
     The first wavelength stands in each spectrum or in its colour specification, the step in the specification. An
@@ -34,9 +36,13 @@ def read_cxf(path: Path) -> RawSpectra:
     Raises:
         ValueError: not XML, not CxF3, no reflectance spectra, no wavelengths for one, or wavelengths that differ.
     """
-    content = path.read_bytes()
+    content = source.content()
     if _NAMESPACE not in content:
-        raise ValueError(f"{path}: XML, but not CxF3 (no namespace http://{_NAMESPACE.decode()})")
+        raise source.error(f"XML, but not CxF3 (no namespace http://{_NAMESPACE.decode()})")
+    if b"<!DOCTYPE" in content:
+        raise source.error("not legal CxF3: it has a DOCTYPE, whose entities could name other files; remove it")
+    if content.count(b"<") > _MAX_TAGS or len(content.split()) > _MAX_WORDS:
+        raise source.error(f"more than {_MAX_TAGS} tags or {_MAX_WORDS} words; split it, or export the spectra as CSV")
     cxf = _library()
     try:
         with warnings.catch_warnings():
@@ -44,7 +50,7 @@ def read_cxf(path: Path) -> RawSpectra:
             warnings.simplefilter("ignore")
             document = cxf.read_cxf(content)
     except Exception as error:
-        raise ValueError(f"{path}: not legal CxF3: {_one_line(error)}") from None
+        raise source.error(f"not legal CxF3: {_one_line(error)}") from None
     resources = document.resources
     collection = resources.color_specification_collection if resources else None
     ranges = {
@@ -60,10 +66,10 @@ def read_cxf(path: Path) -> RawSpectra:
             name = thing.name or thing.id or f"object {len(names) + 1}"
             if len(spectra) > 1:
                 name += f" ({spectrum.name or spectrum.color_specification})"
-            here = _wavelengths(path, name, spectrum, ranges.get(spectrum.color_specification))
+            here = _wavelengths(source, name, spectrum, ranges.get(spectrum.color_specification))
             if grid is not None and (here.size != grid.size or (here != grid).any()):
-                raise ValueError(
-                    f"{path}: {name!r} is on {here[0]:g}-{here[-1]:g} nm ({here.size} bands) and {names[0]!r} on "
+                raise source.error(
+                    f"{name!r} is on {here[0]:g}-{here[-1]:g} nm ({here.size} bands) and {names[0]!r} on "
                     f"{grid[0]:g}-{grid[-1]:g} nm ({grid.size} bands); a table has one grid: export them apart"
                 )
             grid = here
@@ -71,7 +77,7 @@ def read_cxf(path: Path) -> RawSpectra:
             values.append(spectrum.value)
             specifications.append(spectrum.color_specification or "")
     if grid is None:
-        raise ValueError(f"{path}: CxF3 without reflectance spectra ({len(objects)} objects)")
+        raise source.error(f"CxF3 without reflectance spectra ({len(objects)} objects)")
     table = np.array(values, float)
     # The standard says fractions below 3. Who goes beyond has not kept to it and is looked at like any other.
     scale = 1.0 if table.max() <= MAX_DECLARED else None
@@ -82,22 +88,22 @@ def _is_reflectance(choice: object) -> bool:
     return type(choice).__name__ == "ReflectanceSpectrum"
 
 
-def _wavelengths(path: Path, name: str, spectrum: Any, measured: Any) -> np.ndarray:
+def _wavelengths(source: Source, name: str, spectrum: Any, measured: Any) -> np.ndarray:
     """Wavelengths of one spectrum."""
     if not spectrum.value:
-        raise ValueError(f"{path}: the spectrum of {name!r} is empty")
+        raise source.error(f"the spectrum of {name!r} is empty")
     # Where one of the numbers is none, the library leaves the whole text, or that word, as it is.
     words = spectrum.value.split() if isinstance(spectrum.value, str) else spectrum.value
     wrong = [word for word in words if not _is_number(word)]
     if wrong:
-        raise ValueError(f"{path}: the spectrum of {name!r} holds {str(wrong[0])[:20]!r}, not a number")
+        raise source.error(f"the spectrum of {name!r} holds {str(wrong[0])[:20]!r}, not a number")
     start = spectrum.start_wl if spectrum.start_wl is not None else getattr(measured, "start_wl", None)
     step = getattr(measured, "increment", None)
     try:
         first, width = float(start), float(step)  # type: ignore[arg-type]
     except (TypeError, ValueError):
-        raise ValueError(
-            f"{path}: no wavelengths for {name!r}: its ColorSpecification {spectrum.color_specification!r} has no "
+        raise source.error(
+            f"no wavelengths for {name!r}: its ColorSpecification {spectrum.color_specification!r} has no "
             "legal WavelengthRange with StartWL and Increment"
         ) from None
     return first + width * np.arange(len(spectrum.value))

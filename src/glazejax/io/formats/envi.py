@@ -1,136 +1,296 @@
-"""ENVI spectral libraries and images: a text header and a file of plain numbers, opened with Spectral Python (SPy)."""
+"""ENVI spectral libraries and images: a text header and a file of plain numbers."""
 
 import re
-import tempfile
-import warnings
+from collections.abc import Iterator
+from functools import cached_property
+from math import prod
 from pathlib import Path
-from typing import Any
 
 import numpy as np
+from jaxtyping import Float, Int
 
 from ...spectra import MAX_FRACTION, MIN_PERCENT, validate_wavelengths
 from ..cube import SpectraCube, with_gaps
 from ..finish import MAX_DECLARED, RawSpectra, nanometres
-from ..sniff import decode
+from ..source import Source, explained, is_there, opened, refusal, shown
 from ..spectra_table import SpectraTable
 
 _NEEDED = ("samples", "lines", "bands", "data type", "interleave", "byte order")
 _LIBRARY = "ENVI Spectral Library"
+_TYPES = {1: "u1", 2: "i2", 3: "i4", 4: "f4", 5: "f8", 6: "c8", 9: "c16", 12: "u2", 13: "u4", 14: "i8", 15: "u8"}
+# Axes of the file for each interleave, and the transposition to (lines, samples, bands).
+_AXES = {
+    "bil": (("lines", "bands", "samples"), (0, 2, 1)),
+    "bip": (("lines", "samples", "bands"), (0, 1, 2)),
+    "bsq": (("bands", "lines", "samples"), (1, 2, 0)),
+}
+_ENDINGS = ("img", "dat", "sli", "hyspex", "raw", "bil", "bip", "bsq", "lib", "slb", "cube")
 # So many pixels tell the unit of an image.
 _PROBE = 20_000
+# A library is read as a whole; its numbers take 8 bytes each.
+_MAX_VALUES = 1 << 27
 
 
-def read_header(path: Path) -> dict[str, Any]:
+def read_header(source: Source) -> dict[str, str | list[str]]:
     """Fields of a header, titles in lower case: text, or a list of texts where the header has braces.
 
     Raises:
-        ValueError: no legal header, or one that lacks a field that is needed.
+        ValueError: no legal header, or one that lacks a field that is needed or has it twice.
     """
-    import spectral.io.envi as spy
-
-    with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings():
-        # SPy opens headers in the encoding of the machine and warns of capitals.
-        warnings.simplefilter("ignore")
-        copy = Path(folder) / "header.hdr"
-        copy.write_text(decode(path), errors="replace")
-        try:
-            header: dict[str, Any] = spy.read_envi_header(str(copy))
-        except Exception:
-            raise ValueError(f"{path}: not a legal ENVI header; is a brace left open, or the file cut short?") from None
+    header: dict[str, str | list[str]] = {}
+    lines = enumerate(source.text().splitlines()[1:], start=2)
+    for number, line in lines:
+        title, equals, text = line.partition("=")
+        if not equals or line.startswith(";"):
+            continue
+        title, text = title.strip().lower(), text.strip()
+        if title in header and title in (*_NEEDED, "wavelength", "header offset"):
+            raise source.error(f"not a legal ENVI header: {title!r} stands there twice", number)
+        if not text.startswith("{"):
+            header[title] = text
+            continue
+        parts = [text]
+        while not parts[-1].endswith("}"):
+            following = next(lines, None)
+            if following is None:
+                raise source.error("not a legal ENVI header; is a brace left open, or the file cut short?", number)
+            if not following[1].startswith(";"):
+                parts.append(following[1].strip())
+        whole = "\n".join(parts)[1:-1]
+        header[title] = whole.strip() if title == "description" else [entry.strip() for entry in whole.split(",")]
     missing = [title for title in _NEEDED if title not in header]
     if missing:
-        raise ValueError(f"{path}: the ENVI header lacks {missing[0]!r}")
+        raise source.error(f"the ENVI header lacks {missing[0]!r}")
     return header
 
 
-def is_library(path: Path) -> bool:
-    """Whether a header is that of a spectral library."""
-    return str(read_header(path).get("file type", "")).strip().lower() == _LIBRARY.lower()
-
-
-def read_envi_library(path: Path, data: Path | None = None) -> RawSpectra:
-    """Read a spectral library: samples are its bands, lines its spectra.
-
-    Lists of the header with an entry a spectrum are attributes. Bands that ``bbl`` marks as bad are left out, and so
-    are spectra that hold the ``data ignore value``.
+class EnviFile:
+    """Header and data of an ENVI file, of which the header has been read and the sizes are checked.
 
     Args:
-        path: header.
+        source: header.
         data: file of numbers, if it is known; else the file of the header's name beside it.
 
     Raises:
         FileNotFoundError: no data beside the header.
-        ValueError: header or data are not legal, or there are no wavelengths.
+        ValueError: the header is not legal, or the data are not as long as it promises.
     """
-    header = read_header(path)
-    stored = np.array(_memory_map(path, header, data))  # (spectra, wavelengths, 1)
-    if stored.shape[2] != 1:
-        raise ValueError(f"{path}: an ENVI spectral library of {stored.shape[2]} bands, where one is legal")
-    wavelengths, bands, notes = _grid(path, header, stored.shape[1])
-    ignore = _ignore(path, header)
-    values = with_gaps(stored[:, bands, 0], ignore)
-    count = len(values)
-    names = _list(header, "spectra names") or [f"spectrum {i + 1}" for i in range(count)]
-    if len(names) != count:
-        raise ValueError(
-            f"{path}: {len(names)} spectra names for {count} spectra; does a name hold a comma, which ENVI splits?"
-        )
-    attributes = {
-        title: column
-        for title, column in header.items()
-        if isinstance(column, list) and len(column) == count and title not in ("spectra names", "wavelength", "fwhm")
-    }
-    return RawSpectra(
-        wavelengths,
-        names,
-        values,
-        "ENVI spectral library",
-        notes,
-        _declared_scale(path, header),
-        "refuse" if ignore is None else "drop",
-        attributes,
-    )
 
-
-def read_envi_cube(path: Path, data: Path | None = None) -> SpectraCube:
-    """Open an image without reading it. Its unit is its scale factor, or told from 20 000 pixels spread over it.
-
-    That is percent if the brightest of 99 % of them exceed 2, else fractions; a few pixels of glare do not decide.
-
-    Raises:
-        FileNotFoundError: no data beside the header.
-        ValueError: header or data are not legal, there are no wavelengths, or the numbers are neither fractions nor
-            percent and the header has no reflectance scale factor.
-    """
-    header = read_header(path)
-    raw = _memory_map(path, header, data)
-    wavelengths, bands, notes = _grid(path, header, raw.shape[2])
-    try:
-        grid = validate_wavelengths(wavelengths)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
-    ignore = _ignore(path, header)
-    declared = _declared_scale(path, header)
-    probe = SpectraCube(grid, raw, bands, declared or 1.0, ignore, notes, "ENVI image", "fraction", path)
-    level = _bright(probe)
-    if declared is not None:
-        if level > MAX_DECLARED:
-            raise ValueError(
-                f"{path}: pixels reach a reflectance of {level:g} by the header's reflectance scale factor {declared:g}"
+    def __init__(self, source: Source, data: Path | None = None):
+        self.path = source.path
+        self.header = read_header(source)
+        self._sizes = {title: self._whole(title, 1) for title in ("lines", "samples", "bands")}
+        self._offset = self._whole("header offset", 0)
+        self._interleave = str(self.header["interleave"]).strip().lower()
+        if self._interleave not in _AXES:
+            raise self.error(f"the ENVI header is not legal: interleave is {self._interleave!r}, not bil, bip or bsq")
+        kind, order = _TYPES.get(self._whole("data type", 0)), self._whole("byte order", 0)
+        if kind is None or order > 1:
+            raise self.error(
+                f"the ENVI header is not legal: data type {self.header['data type']}, byte order {order}; known are "
+                f"{', '.join(map(str, _TYPES))}, and 0 and 1"
             )
-        scale, unit = declared, {1.0: "fraction", 100.0: "percent"}.get(declared, "scaled")
-    elif level <= MIN_PERCENT:
-        scale, unit = 1.0, "fraction"
-    elif level <= 100 * MAX_FRACTION:
-        scale, unit = 100.0, "percent"
-    else:
-        raise ValueError(
-            f"{path}: pixels reach {level:g}, neither fraction nor percent: add 'reflectance scale factor = 10000', "
-            "say, to the header"
+        if kind.startswith("c"):
+            raise self.error("the data are complex numbers, not reflectance")
+        for title in ("file compression", "major frame offsets", "minor frame offsets"):
+            if any(entry.strip(" {}") not in ("", "0") for entry in _list(self.header, title)):
+                raise self.error(f"the ENVI header has {title!r}, which is not understood; save it without")
+        self._dtype = np.dtype(("<", ">")[order] + kind)
+        self.data = data or self._data_beside()
+        needed = self._offset + prod(self._sizes.values()) * self._dtype.itemsize
+        with opened(self.data) as found:
+            size = found.size
+        if size is None or size < needed:
+            raise refusal(
+                self.data, f"{size} bytes where the header {self.path.name} promises {needed}; the file was cut short"
+            )
+        if size > needed:
+            raise refusal(
+                self.data,
+                f"{size} bytes where the header {self.path.name} promises {needed}: are its samples, lines, bands, "
+                "data type and header offset right?",
+            )
+
+    def error(self, complaint: object) -> ValueError:
+        """What is wrong with the header."""
+        return refusal(self.path, complaint)
+
+    @property
+    def is_library(self) -> bool:
+        """Whether the header is that of a spectral library."""
+        return str(self.header.get("file type", "")).strip().lower() == _LIBRARY.lower()
+
+    def library(self) -> RawSpectra:
+        """Spectra of a library: samples are its bands, lines its spectra.
+
+        Lists of the header with an entry a spectrum are attributes. Bands that ``bbl`` marks as bad are left out, and
+        so are spectra that hold the ``data ignore value``.
+
+        Raises:
+            ValueError: header or data are not legal, or there are no wavelengths.
+        """
+        count, width, depth = self._sizes["lines"], self._sizes["samples"], self._sizes["bands"]
+        if depth != 1:
+            raise self.error(f"an ENVI spectral library of {depth} bands, where one is legal")
+        if count * width > _MAX_VALUES:
+            raise self.error(f"{count} spectra of {width} bands are too many to be read at once; split the library")
+        wavelengths, bands, notes = self._grid
+        names = _list(self.header, "spectra names") or [f"spectrum {i + 1}" for i in range(count)]
+        if len(names) != count:
+            raise self.error(
+                f"{len(names)} spectra names for {count} spectra; does a name hold a comma, which ENVI splits?"
+            )
+        attributes = {
+            title: column
+            for title, column in self.header.items()
+            if isinstance(column, list)
+            and len(column) == count
+            and title not in ("spectra names", "wavelength", "fwhm")
+        }
+        with explained(self.data), self.data.open("rb") as file:
+            # Read, not mapped: on a failing disk a map ends the process.
+            stored = np.empty(count * width, self._dtype)
+            file.seek(self._offset)
+            if file.readinto(stored.data.cast("B")) != stored.nbytes:
+                raise refusal(self.data, "the file was cut short while it was read")
+            values = with_gaps(stored.reshape(count, width)[:, bands], self._ignore)
+        return RawSpectra(
+            wavelengths,
+            names,
+            values,
+            "ENVI spectral library",
+            notes,
+            self._declared_scale,
+            "refuse" if self._ignore is None else "drop",
+            attributes,
         )
-    if scale != 1.0:
-        notes.append("values are in percent; divided by 100" if scale == 100.0 else f"divided by {scale:g}")
-    return SpectraCube(grid, raw, bands, scale, ignore, notes, "ENVI image", unit, path)
+
+    def cube(self) -> SpectraCube:
+        """An image, not read. Its unit is its scale factor, or told from 20 000 pixels spread over it.
+
+        That is percent if the brightest of 99 % of them exceed 2, else fractions; a few pixels of glare do not decide.
+
+        Raises:
+            ValueError: header or data are not legal, there are no wavelengths, or the numbers are neither fractions
+                nor percent and the header has no reflectance scale factor.
+        """
+        wavelengths, bands, notes = self._grid
+        try:
+            grid = validate_wavelengths(wavelengths)
+        except ValueError as error:
+            raise self.error(error) from None
+        axes, order = _AXES[self._interleave]
+        with explained(self.data):
+            shape = tuple(self._sizes[axis] for axis in axes)
+            raw = np.memmap(self.data, self._dtype, "r", self._offset, shape).transpose(order)
+        declared = self._declared_scale
+        probe = SpectraCube(grid, raw, bands, declared or 1.0, self._ignore, notes, "ENVI image", "fraction", self.path)
+        level = _bright(probe)
+        if declared is not None:
+            if level > MAX_DECLARED:
+                raise self.error(
+                    f"pixels reach a reflectance of {level:g} by the header's reflectance scale factor {declared:g}"
+                )
+            scale, unit = declared, {1.0: "fraction", 100.0: "percent"}.get(declared, "scaled")
+        elif level <= MIN_PERCENT:
+            scale, unit = 1.0, "fraction"
+        elif level <= 100 * MAX_FRACTION:
+            scale, unit = 100.0, "percent"
+        else:
+            raise self.error(
+                f"pixels reach {level:g}, neither fraction nor percent: add 'reflectance scale factor = 10000', say, "
+                "to the header"
+            )
+        if scale != 1.0:
+            notes.append("values are in percent; divided by 100" if scale == 100.0 else f"divided by {scale:g}")
+        return SpectraCube(grid, raw, bands, scale, self._ignore, notes, "ENVI image", unit, self.path)
+
+    def _data_beside(self) -> Path:
+        """Data file of the header, by the names that ENVI and its kin use."""
+        stem = self.path.with_suffix("")
+        names = [stem, *(stem.with_name(f"{stem.name}.{end}") for word in _ENDINGS for end in (word, word.upper()))]
+        for name in names:
+            if name != self.path and is_there(name):
+                return name
+        raise FileNotFoundError(
+            f"{shown(self.path)}: no data beside this ENVI header; looked for {stem.name} and "
+            f"{stem.name}.sli, .img, ..."
+        )
+
+    @cached_property
+    def _grid(self) -> tuple[Float[np.ndarray, "bands"], Int[np.ndarray, "bands"], list[str]]:
+        """Wavelengths in ascending order, which stored bands they are, and notes; bad bands are left out."""
+        count = self._sizes["samples" if self.is_library else "bands"]
+        texts = _list(self.header, "wavelength")
+        if not texts:
+            raise self.error("the ENVI header has no wavelengths; add 'wavelength = {400, 410, ...}'")
+        if len(texts) != count:
+            raise self.error(f"{len(texts)} wavelengths for {count} bands")
+        values = np.empty(count)
+        for i, text in enumerate(texts):
+            try:
+                values[i] = float(text)
+            except ValueError as error:
+                raise self.error(f"wavelength number {i + 1}: {error}") from None
+        if not np.isfinite(values).all():
+            raise self.error(f"wavelength number {int(np.argmin(np.isfinite(values))) + 1} is not finite")
+        try:
+            wavelengths, notes = nanometres(values, " ".join(_list(self.header, "wavelength units")))
+        except ValueError as error:
+            raise self.error(error) from None
+        good = _list(self.header, "bbl")
+        bands = np.arange(count)
+        if good:
+            if len(good) != count:
+                raise self.error(f"the list of bad bands (bbl) has {len(good)} entries for {count} bands")
+            bands = bands[[text.strip() not in ("0", "0.0") for text in good]]
+            if not bands.size:
+                raise self.error("the header marks every band as bad (bbl)")
+            if bands.size < count:
+                notes.append(f"{count - bands.size} bands that the header marks as bad are left out")
+        order = np.argsort(wavelengths[bands], kind="stable")
+        if (order != np.arange(order.size)).any():
+            notes.append("bands were sorted by wavelength")
+        bands = bands[order]
+        return wavelengths[bands], bands, notes
+
+    def _whole(self, title: str, least: int) -> int:
+        """Whole number in a field of the header; 0 where it is left out."""
+        text = str(self.header.get(title, 0)).strip()
+        try:
+            value = int(text)
+        except ValueError:
+            raise self.error(f"the ENVI header is not legal: {title!r} is {text[:30]!r}, not a whole number") from None
+        if value < least:
+            raise self.error(f"the ENVI header has sizes below 1 or a negative offset: {title!r} is {value}")
+        return value
+
+    def _number(self, title: str) -> float | None:
+        """Number in a field of the header, or None if there is no such field."""
+        text = str(self.header.get(title, "")).strip(" {}[]'")
+        if not text:
+            return None
+        try:
+            return float(text)
+        except ValueError:
+            raise self.error(f"{title!r} in the header is {text[:30]!r}, not a number") from None
+
+    @property
+    def _ignore(self) -> float | None:
+        return self._number("data ignore value")
+
+    @property
+    def _declared_scale(self) -> float | None:
+        scale = self._number("reflectance scale factor")
+        if scale is not None and not (np.isfinite(scale) and scale > 0):
+            raise self.error(f"the header's reflectance scale factor is {scale:g}; it must be positive")
+        return scale
+
+
+def _list(header: dict[str, str | list[str]], title: str) -> list[str]:
+    """Entries of a list in the header; none if there is no such list."""
+    value = header.get(title, [])
+    return [text.strip() for text in (value if isinstance(value, list) else [value]) if text.strip()]
 
 
 def _bright(cube: SpectraCube) -> float:
@@ -140,117 +300,12 @@ def _bright(cube: SpectraCube) -> float:
     pixels = cube[::step, ::step].reshape(-1, cube.bands.size)
     pixels = pixels[np.isfinite(pixels).all(axis=1)]
     if not len(pixels):
-        raise ValueError(f"{cube.path}: no pixel has data at every wavelength")
+        raise refusal(cube.path, "no pixel has data at every wavelength")
     return float(np.quantile(pixels.max(axis=1), 0.99))
 
 
-def _memory_map(path: Path, header: dict[str, Any], data: Path | None) -> np.ndarray:
-    """Numbers of the data file as (lines, samples, bands), read from disk when they are used."""
-    import spectral.io.envi as spy
-
-    try:
-        params: Any = spy.gen_params(header)
-        interleave = str(header["interleave"]).strip().lower()
-        kind = {"bil": spy.BilFile, "bip": spy.BipFile, "bsq": spy.BsqFile}[interleave]
-    except (KeyError, ValueError, TypeError) as error:
-        raise ValueError(
-            f"{path}: the ENVI header is not legal: {error} (of its sizes, data type or interleave)"
-        ) from None
-    if min(params.nrows, params.ncols, params.nbands) < 1 or params.offset < 0:
-        raise ValueError(f"{path}: the ENVI header has sizes below 1 or a negative offset")
-    if np.dtype(params.dtype).kind == "c":
-        raise ValueError(f"{path}: the data are complex numbers, not reflectance")
-    data = data or _data_beside(path, interleave)
-    needed = params.offset + params.nrows * params.ncols * params.nbands * np.dtype(params.dtype).itemsize
-    size = data.stat().st_size
-    if size < needed:
-        raise ValueError(f"{data}: {size} bytes where the header {path.name} promises {needed}; the file was cut short")
-    params.filename = str(data)
-    return kind(params, header).open_memmap(interleave="bip")
-
-
-def _data_beside(path: Path, interleave: str) -> Path:
-    """Data file of a header, by the names that ENVI and its kin use."""
-    import spectral.io.envi as spy
-
-    stem = path.with_suffix("")
-    endings = [*spy.KNOWN_EXTS, interleave, "lib", "slb", "cube"]
-    names = [stem, *(stem.with_name(f"{stem.name}.{end}") for word in endings for end in (word, word.upper()))]
-    for name in names:
-        if name.is_file() and name != path:
-            return name
-    raise FileNotFoundError(
-        f"{path}: no data beside this ENVI header; looked for {stem.name} and {stem.name}.sli, .img, ..."
-    )
-
-
-def _grid(path: Path, header: dict[str, Any], count: int) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """Wavelengths in ascending order, which stored bands they are, and notes; bad bands are left out."""
-    texts = _list(header, "wavelength")
-    if not texts:
-        raise ValueError(f"{path}: the ENVI header has no wavelengths; add 'wavelength = {{400, 410, ...}}'")
-    if len(texts) != count:
-        raise ValueError(f"{path}: {len(texts)} wavelengths for {count} bands")
-    try:
-        values = np.array([float(text) for text in texts])
-    except ValueError as error:
-        raise ValueError(f"{path}: wavelengths: {error}") from None
-    if not np.isfinite(values).all():
-        raise ValueError(f"{path}: wavelength number {int(np.argmin(np.isfinite(values))) + 1} is not finite")
-    try:
-        wavelengths, notes = nanometres(values, " ".join(_list(header, "wavelength units")))
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
-    good = _list(header, "bbl")
-    bands = np.arange(count)
-    if good:
-        if len(good) != count:
-            raise ValueError(f"{path}: the list of bad bands (bbl) has {len(good)} entries for {count} bands")
-        bands = bands[[text.strip() not in ("0", "0.0") for text in good]]
-        if not bands.size:
-            raise ValueError(f"{path}: the header marks every band as bad (bbl)")
-        if bands.size < count:
-            notes.append(f"{count - bands.size} bands that the header marks as bad are left out")
-    order = np.argsort(wavelengths[bands], kind="stable")
-    if (order != np.arange(order.size)).any():
-        notes.append("bands were sorted by wavelength")
-    bands = bands[order]
-    return wavelengths[bands], bands, notes
-
-
-def _list(header: dict[str, Any], title: str) -> list[str]:
-    """Entries of a list in the header; none if there is no such list."""
-    value = header.get(title, [])
-    return [text.strip() for text in (value if isinstance(value, list) else [value]) if text.strip()]
-
-
-def _number(path: Path, header: dict[str, Any], title: str) -> float | None:
-    """Number in a field of the header, or None if there is no such field."""
-    text = header.get(title)
-    if text is None or not str(text).strip():
-        return None
-    try:
-        return float(str(text).strip(" {}"))
-    except ValueError:
-        raise ValueError(f"{path}: {title!r} in the header is {str(text)[:30]!r}, not a number") from None
-
-
-def _ignore(path: Path, header: dict[str, Any]) -> float | None:
-    return _number(path, header, "data ignore value")
-
-
-def _declared_scale(path: Path, header: dict[str, Any]) -> float | None:
-    scale = _number(path, header, "reflectance scale factor")
-    if scale is not None and not (np.isfinite(scale) and scale > 0):
-        raise ValueError(f"{path}: the header's reflectance scale factor is {scale:g}; it must be positive")
-    return scale
-
-
-def format_envi(table: SpectraTable) -> tuple[str, bytes, list[str]]:
-    """A table as a spectral library: header, numbers (float64, so that nothing is lost) and notes on names changed.
-
-    SPy's own writer is not used: it rounds to float32 and writes in the encoding of the machine.
-    """
+def format_envi(table: SpectraTable) -> tuple[str, Iterator[bytes], list[str]]:
+    """A table as a spectral library: header, numbers (float64, so that nothing is lost) and notes on names changed."""
     names = [re.sub(r"[{}]", lambda m: "(" if m[0] == "{" else ")", name).replace(",", ";") for name in table.names]
     changed = [old for old, new in zip(table.names, names, strict=True) if old != new]
     notes = [f"ENVI has no commas or braces in names: {len(changed)} names changed"] if changed else []
@@ -269,4 +324,4 @@ def format_envi(table: SpectraTable) -> tuple[str, bytes, list[str]]:
         "spectra names": "{ " + ", ".join(names) + " }",
     }
     header = "ENVI\n" + "".join(f"{title} = {value}\n" for title, value in fields.items())
-    return header, np.ascontiguousarray(table.reflectance, dtype="<f8").tobytes(), notes
+    return header, (row.astype("<f8").tobytes() for row in table.reflectance), notes

@@ -1,91 +1,248 @@
-"""JCAMP-DX (4.24 and 5): one or many spectra as text, decoded by the package jcamp."""
+"""JCAMP-DX (4.24 and 5): one or many spectra as text.
 
-import contextlib
-import io
-from pathlib import Path
-from typing import Any
+After McDonald and Wilks, Applied Spectroscopy 42, 151 (1988): ordinates as plain numbers (AFFN, PAC) or squeezed (SQZ),
+as differences (DIF) and with repetitions counted (DUP). What the file says of itself is held against its data: the
+number of points, the abscissa that begins each line, and the ordinate that a line of differences repeats.
+"""
+
+import re
+from array import array
+from dataclasses import dataclass, field
 
 import numpy as np
+from jaxtyping import Float
 
 from ..finish import RawSpectra, nanometres
-from ..sniff import decode
+from ..source import Source
 
 _REFLECTANCE = {"reflectance": None, "%reflectance": 100.0, "percent reflectance": 100.0, "reflectance %": 100.0}
+_PLAIN = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?")
+_PACKED = re.compile(r"\s*([@A-Ia-i%J-Rj-rS-Zs+-]?)(\d*\.?\d*)")
+_FIRST = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+))")
+_SQUEEZED = {letter: f"+{i}" for i, letter in enumerate("@ABCDEFGHI")} | {
+    letter: f"-{i}" for i, letter in enumerate("abcdefghi", start=1)
+}
+_DIFFERENCE = {letter: f"{i}" for i, letter in enumerate("%JKLMNOPQR")} | {
+    letter: f"-{i}" for i, letter in enumerate("jklmnopqr", start=1)
+}
+_REPEATED = {letter: f"{i}" for i, letter in enumerate("STUVWXYZs", start=1)}
+# E and e may be exponents; any other letter of these is a squeezed digit.
+_PACKING = frozenset({*_SQUEEZED, *_DIFFERENCE, *_REPEATED} - {"E", "e"})
+# Repetitions cost a file nothing; a spectrometer has thousands of points.
+_MAX_POINTS = 1_000_000
 
 
-def read_jcamp(path: Path) -> RawSpectra:
+@dataclass
+class _Block:
+    """Labels of a block, in capitals without blanks, and its lines of data with their numbers."""
+
+    labels: dict[str, str] = field(default_factory=dict)
+    data: list[tuple[int, str]] = field(default_factory=list)
+    form: str = ""
+
+
+def read_jcamp(source: Source) -> RawSpectra:
     """Read the reflectance spectra of a JCAMP-DX file; blocks, linked or merely one after another, are rows.
 
     X may be in nanometres, micrometres or 1/cm. Y must be reflectance, as a fraction or percent.
 
     Raises:
         ValueError: a block without ##END= (a file cut short), without data, damaged, in absorbance or another unit,
-            or on other wavelengths than the first.
+            with another number of points than it promises, or on other wavelengths than the first.
     """
-    found = [_spectrum(path, number, block) for number, block in enumerate(_blocks(path), start=1)]
+    found = [_spectrum(source, number, block) for number, block in enumerate(_blocks(source), start=1)]
     if not found:
-        raise ValueError(f"{path}: JCAMP-DX without data: no ##XYDATA= or ##XYPOINTS=")
+        raise source.error("JCAMP-DX without data: no ##XYDATA= or ##XYPOINTS=")
     names, grids, values, scales, notes = zip(*found, strict=True)
     for name, grid in zip(names, grids, strict=True):
         if grid.shape != grids[0].shape or not np.allclose(grid, grids[0], rtol=1e-9):
-            raise ValueError(
-                f"{path}: block {name!r} is on other wavelengths than {names[0]!r}; a table has one grid: split it"
+            raise source.error(
+                f"block {name!r} is on other wavelengths than {names[0]!r}; a table has one grid: split it"
             )
     if len(set(scales)) > 1:
-        raise ValueError(f"{path}: some blocks are in percent and some in fractions; bring all to one unit")
+        raise source.error("some blocks are in percent and some in fractions; bring all to one unit")
     return RawSpectra(grids[0], names, np.array(values), "JCAMP-DX", notes[0], scales[0])
 
 
-def _blocks(path: Path) -> list[list[str]]:
-    """Lines of each block that has data; wrappers that only link blocks are passed over."""
-    blocks, block = [], None
-    for number, line in enumerate(decode(path).splitlines(), start=1):
-        label = line.lstrip().upper().replace(" ", "")
-        if label.startswith("##TITLE="):
-            if block is not None and _has_data(block):
-                raise ValueError(f"{path}, line {number}: a block begins before the one above has its ##END=")
-            block = []
+def _blocks(source: Source) -> list[_Block]:
+    """Blocks that have data; wrappers that only link blocks are passed over."""
+    blocks: list[_Block] = []
+    block, inside = None, False
+    for number, line in enumerate(source.text().splitlines(), start=1):
+        text = line.partition("$$")[0].strip()
+        if not text.startswith("##"):
+            if block is not None and inside and text:
+                block.data.append((number, text))
+            continue
+        label, equals, value = text[2:].partition("=")
+        label, value = re.sub(r"[\s/_-]", "", label).upper(), value.strip()
+        if label == "TITLE":
+            if block is not None and block.form:
+                raise source.error("a block begins before the one above has its ##END=", number)
+            block = _Block()
         if block is None:
             continue
-        block.append(line.lstrip() + "\n")
-        if label.startswith("##END="):
-            if _has_data(block):
+        if not equals:
+            raise source.error(f"the block is damaged: {text[:40]!r} has no =", number)
+        inside = label in ("XYDATA", "XYPOINTS")
+        if inside:
+            if block.form:
+                raise source.error("a second table of data in one block; split the file", number)
+            block.form = value.replace(" ", "").upper()
+        elif label == "END":
+            if block.form:
                 blocks.append(block)
             block = None
-    if block is not None and _has_data(block):
-        raise ValueError(f"{path}: the last block has no ##END=; the file was cut short")
+        elif label in block.labels and block.labels[label] != value and label in _COUNTED:
+            raise source.error(f"##{label}= stands there twice and differs; the block is damaged", number)
+        else:
+            block.labels[label] = value
+    if block is not None and block.form:
+        raise source.error("the last block has no ##END=; the file was cut short")
     return blocks
 
 
-def _has_data(block: list[str]) -> bool:
-    return any(line.upper().replace(" ", "").startswith(("##XYDATA=", "##XYPOINTS=")) for line in block)
+_COUNTED = ("FIRSTX", "LASTX", "NPOINTS", "XFACTOR", "YFACTOR", "XUNITS", "YUNITS")
 
 
-def _spectrum(path: Path, number: int, block: list[str]) -> tuple[str, np.ndarray, np.ndarray, float | None, list[str]]:
+def _spectrum(
+    source: Source, number: int, block: _Block
+) -> tuple[str, Float[np.ndarray, "bands"], Float[np.ndarray, "bands"], float | None, list[str]]:
     """Name, wavelengths, values, scale and notes of a block."""
-    import jcamp
-
-    said = io.StringIO()
-    try:
-        # The package reports damage by printing it.
-        with contextlib.redirect_stdout(said):
-            data: dict[str, Any] = jcamp.read(block)
-        x, y = np.asarray(data["x"], float), np.asarray(data["y"], float)
-    except Exception as error:
-        raise ValueError(f"{path}: block {number} is damaged: {type(error).__name__}: {error}") from None
-    name = str(data.get("title", "")).strip() or f"block {number}"
-    complaints = said.getvalue().strip().splitlines()
-    if x.size != y.size:
-        raise ValueError(f"{path}: {name!r} promises {x.size} points and holds {y.size}; the file was cut short")
-    if complaints:
-        raise ValueError(f"{path}: {name!r} is damaged: {complaints[0]}")
-    if x.size == 0:
-        raise ValueError(f"{path}: {name!r} holds no points")
-    unit = str(data.get("yunits", "")).strip().lower()
+    name = block.labels.get("TITLE", "") or f"block {number}"
+    unit = block.labels.get("YUNITS", "").lower()
     if unit not in _REFLECTANCE:
-        raise ValueError(f"{path}: {name!r} is in {data.get('yunits', 'no unit')!r}; only reflectance can be read")
+        raise source.error(f"{name!r} is in {block.labels.get('YUNITS', 'no unit')!r}; only reflectance can be read")
+    if block.form == "(XY..XY)":
+        x, y = _pairs(source, name, block)
+    elif block.form == "(X++(Y..Y))":
+        x, y = _steps(source, name, block)
+    else:
+        raise source.error(f"{name!r} is damaged: its data are {block.form!r}, not (XY..XY) or (X++(Y..Y))")
+    if x.size == 0:
+        raise source.error(f"{name!r} holds no points")
     try:
-        wavelengths, notes = nanometres(x, str(data.get("xunits", "")))
+        wavelengths, notes = nanometres(x, block.labels.get("XUNITS", ""))
     except ValueError as error:
-        raise ValueError(f"{path}: {name!r}: {error}") from None
-    return name, wavelengths, y, _REFLECTANCE[unit], notes
+        raise source.error(f"{name!r}: {error}") from None
+    return name, wavelengths, y * _factor(source, name, block, "YFACTOR"), _REFLECTANCE[unit], notes
+
+
+def _label(source: Source, name: str, block: _Block, label: str) -> float | None:
+    """Number of a label; a decimal comma is understood."""
+    text = block.labels.get(label)
+    if text is None:
+        return None
+    try:
+        value = float(text.replace(",", ".", 1))
+    except ValueError:
+        value = np.nan
+    if not np.isfinite(value):
+        raise source.error(f"{name!r} is damaged: ##{label}={text[:30]} is not a finite number")
+    return value
+
+
+def _factor(source: Source, name: str, block: _Block, label: str) -> float:
+    value = _label(source, name, block, label)
+    return 1.0 if value is None else value
+
+
+def _check_count(source: Source, name: str, promised: float | None, count: int) -> None:
+    """Refuse a file that was cut short."""
+    if promised is not None and promised != count:
+        raise source.error(f"{name!r} promises {promised:.10g} points and holds {count}; the file was cut short")
+
+
+def _pairs(source: Source, name: str, block: _Block) -> tuple[Float[np.ndarray, "points"], Float[np.ndarray, "points"]]:
+    """Points that are written with both coordinates."""
+    numbers = array("d")
+    for line, text in block.data:
+        words = [word for word in re.split(r"[,;\s]", text) if word]
+        try:
+            numbers.extend(array("d", map(float, words)))
+        except ValueError:
+            raise source.error(f"{name!r} is damaged: {text[:40]!r} are not pairs of numbers", line) from None
+        if len(words) % 2:
+            raise source.error(f"{name!r} is damaged: {text[:40]!r} are not pairs of numbers", line)
+    x, y = np.frombuffer(numbers).reshape(-1, 2).T if numbers else (np.empty(0), np.empty(0))
+    _check_count(source, name, _label(source, name, block, "NPOINTS"), x.size)
+    return x * _factor(source, name, block, "XFACTOR"), y
+
+
+def _steps(source: Source, name: str, block: _Block) -> tuple[Float[np.ndarray, "points"], Float[np.ndarray, "points"]]:
+    """Ordinates at equal steps; the abscissa that begins each line only checks them."""
+    first, last, promised = (_label(source, name, block, label) for label in ("FIRSTX", "LASTX", "NPOINTS"))
+    if first is None or last is None or promised is None:
+        raise source.error(f"{name!r} is damaged: it lacks ##FIRSTX=, ##LASTX= or ##NPOINTS=")
+    factor = _factor(source, name, block, "XFACTOR")
+    step = (last - first) / (promised - 1) if promised > 1 else 0.0
+    packed = any(_PACKING.intersection(text) for _, text in block.data)
+    values, wrong = array("d"), None
+    differs = False  # whether the line above ended in a difference, and its last ordinate begins the next line
+    for line, text in block.data:
+        x, digits, row, ends_so = _packed(text) if packed else _plain(text)
+        if row is None:
+            raise source.error(f"{name!r} is damaged: {text[:40]!r} are not an abscissa and ordinates", line)
+        at = len(values)
+        if differs and values:
+            at -= 1
+            if row[:1] != values[-1:]:
+                raise source.error(f"{name!r} is damaged: the line does not begin with {values[-1]:g}", line)
+            row = row[1:]
+        # Abscissas may be rounded or cut to the digits they have.
+        if abs(x * factor - (first + at * step)) > 0.5 * abs(step) + 10.0**-digits * abs(factor):
+            wrong = wrong or (f"{name!r} is damaged: the line begins at {x:g}, not {first + at * step:g}", line)
+        values.extend(row)
+        differs = ends_so
+        if len(values) > min(promised, _MAX_POINTS):
+            break
+    _check_count(source, name, promised, len(values))
+    if wrong:
+        raise source.error(*wrong)
+    return np.linspace(first, last, len(values)), np.frombuffer(values)
+
+
+def _plain(text: str) -> tuple[float, int, array | None, bool]:
+    """Abscissa, its decimals, and ordinates of a line of plain numbers, which a sign may part; None if damaged."""
+    words = _PLAIN.findall(text)
+    if not words or re.sub(r"[\s,;]", "", _PLAIN.sub("", text)):
+        return 0.0, 0, None, False
+    return float(words[0]), _decimals(words[0]), array("d", map(float, words[1:])), False
+
+
+def _packed(text: str) -> tuple[float, int, array | None, bool]:
+    """The same of a line of packed numbers, and whether it ends in a difference."""
+    begin = _FIRST.match(text)
+    if begin is None:
+        return 0.0, 0, None, False
+    values, differs, change, at = array("d"), False, 0.0, begin.end()
+    while at < len(text):
+        match = _PACKED.match(text, at)
+        if match is None or match.end() == at or not (match[1] or match[2]):
+            return 0.0, 0, None, False
+        sign, digits = match[1], match[2]
+        try:
+            if sign in _REPEATED and sign:
+                count = int(_REPEATED[sign] + digits)
+                if not values or count > _MAX_POINTS:
+                    return 0.0, 0, None, False
+                for _ in range(count - 1):
+                    values.append(values[-1] + change)
+            elif sign in _DIFFERENCE and sign:
+                if not values:
+                    return 0.0, 0, None, False
+                differs, change = True, float(_DIFFERENCE[sign] + digits)
+                values.append(values[-1] + change)
+            else:
+                differs, change = False, 0.0
+                values.append(float(_SQUEEZED.get(sign, sign) + digits))
+        except ValueError:
+            return 0.0, 0, None, False
+        at = match.end()
+    return float(begin[1]), _decimals(begin[1]), values, differs
+
+
+def _decimals(word: str) -> int:
+    """Digits after the point of a number; fewer than none if it has an exponent."""
+    number, _, exponent = word.lower().partition("e")
+    return max(-300, min(300, len(number.partition(".")[2]) - int(exponent[:6] or 0)))

@@ -1,41 +1,79 @@
 """Text tables of spectra, wide or long; every error is one line that names file, line and column."""
 
+import bisect
 import csv
 import math
 import re
-from collections.abc import Sequence
+from array import array
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
 
 from ...spectra import validate_wavelengths
 from ..finish import RawSpectra, nanometres
-from ..sniff import decode
+from ..source import Source
 
 _WAVELENGTH_TITLE = re.compile(r"^(wave\s*length|wl\b|wvl?\b|lambda|λ|nm\b|\[?nm\]?$)", re.IGNORECASE)
 _VALUE_TITLE = re.compile(r"^(reflectance|refl\b|r\b|%r\b|value|intensity)", re.IGNORECASE)
 _NAME_TITLE = re.compile(r"^(name|sample|id\b|paint|pigment|patch|label|spectrum)", re.IGNORECASE)
+_UNIT = re.compile(r"#\s*unit:?\s*(fraction|percent)\s*$", re.IGNORECASE)
 _LAYOUTS = "expected 'Name,400,410,...' with a sample a row, or 'wavelength,sample,...' with a sample a column"
 _NANOMETRES = re.compile(r"\s*\[?\(?nm\)?\]?$", re.IGNORECASE)
+_KINDS = {"\t": "TSV", ",": "CSV", ";": "semicolon-separated", " ": "blank-separated"}
+# What a table may hold: 2 GB of numbers, and names of as many spectra.
+_MAX_VALUES = 1 << 28
+_MAX_SPECTRA = 5_000_000
+_MAX_BANDS = 500_000
+_PART = 1 << 18
 
 
 @dataclass(frozen=True)
 class _Cells:
-    """Table cut into cells: the header, and each row with its line number."""
+    """Table of which the header is known; the lines below it are read while they are asked for."""
 
-    path: Path
+    source: Source
     delimiter: str
     header_line: int
     header: list[str]
-    rows: list[tuple[int, list[str]]]
+    lines: Iterator[tuple[int, str]]
 
     def error(self, line: int, complaint: str) -> ValueError:
-        return ValueError(f"{self.path}, line {line}: {complaint}")
+        return self.source.error(complaint, line)
+
+    def split(self, line: int, text: str) -> list[str]:
+        """Cells of a line, as many as the header has."""
+        row = _split(self, line, text)
+        while len(row) > len(self.header) and not row[-1]:
+            row.pop()
+        if len(row) != len(self.header):
+            raise self.error(line, f"{len(row)} cells where the header has {len(self.header)}")
+        return row
+
+    def quick(self, text: str) -> tuple[str, array] | None:
+        """First cell and numbers of a line that is legal and simple.
+
+        None for the slow way, which says what is wrong.
+        """
+        if '"' in text:
+            return None
+        cells = _plain(text, self.delimiter)
+        while len(cells) > len(self.header) and not cells[-1].strip():
+            cells.pop()
+        if len(cells) != len(self.header):
+            return None
+        first = cells.pop(0).strip()
+        if self.delimiter != "," and "," in text:
+            cells = [cell.replace(",", ".") for cell in cells]
+        try:
+            row = array("d", map(float, cells))
+        except ValueError:
+            return None
+        return (first, row) if min(row) >= 0 and math.isfinite(sum(row)) else None
 
 
-def read_table(path: Path) -> RawSpectra:
+def read_table(source: Source) -> RawSpectra:
     """Read reflectance spectra from a text table.
 
     Three layouts are told apart by their header: wide, ``Name,400,410,...`` with a sample a row; long,
@@ -44,63 +82,54 @@ def read_table(path: Path) -> RawSpectra:
     decimal comma is understood unless commas separate; empty lines and lines that start with # are skipped, but
     ``# unit: fraction`` or ``# unit: percent`` on the first line declares what values are.
 
+    The file is read line by line: beside the numbers themselves (8 bytes each) it takes only names.
+
     Raises:
         ValueError: the file is empty, not text, has no wavelengths in its header, wavelengths that do not
             ascend, a ragged row, a cell that is not a finite number, a negative value, or two samples of one
-            name. The message is one line and says where.
+            name; or it holds more than 268 million values. The message is one line and says where.
     """
-    cells = _read_cells(path)
-    if not cells.rows:
-        raise ValueError(f"{cells.path}: there is a header but no data below it")
-    scale = _declared_scale(path)
-    kind = {"\t": "TSV", ",": "CSV", ";": "semicolon-separated", " ": "blank-separated"}[cells.delimiter]
+    cells, scale = _read_header(source)
+    first = next(cells.lines, None)
+    if first is None:
+        raise source.error("there is a header but no data below it")
     if (order := _triples(cells)) is not None:
-        names, wavelengths, values = _read_triples(cells, *order)
-        return RawSpectra(wavelengths, names, values, f"{kind} table, a value a row", scale=scale, by_hand=True)
-    if _is_long(cells):
-        names, wavelengths, values = _read_long(cells)
-        return RawSpectra(wavelengths, names, values, f"{kind} table, a sample a column", scale=scale, by_hand=True)
-    names, wavelengths, values = _read_wide(cells)
-    return RawSpectra(wavelengths, names, values, f"{kind} table, a sample a row", scale=scale, by_hand=True)
+        names, wavelengths, values = _read_triples(cells, first, *order)
+        layout = "a value a row"
+    elif _is_long(cells, first):
+        names, wavelengths, values = _read_long(cells, first)
+        layout = "a sample a column"
+    else:
+        names, wavelengths, values = _read_wide(cells, first)
+        layout = "a sample a row"
+    kind = f"{_KINDS[cells.delimiter]} table, {layout}"
+    return RawSpectra(wavelengths, names, values, kind, scale=scale, by_hand=True)
 
 
-def _declared_scale(path: Path) -> float | None:
-    """Value that stands for a reflectance of 1, if the first line is a comment that says so."""
-    with path.open(encoding="utf-8-sig") as file:
-        said = re.match(r"#\s*unit:?\s*(fraction|percent)\s*$", file.readline(), re.IGNORECASE)
-    return None if said is None else {"fraction": 1.0, "percent": 100.0}[said[1].lower()]
+def _read_header(source: Source) -> tuple[_Cells, float | None]:
+    """Table with its header, and the value that stands for a reflectance of 1 if its first line says so."""
+    scale = None
+    lines = source.lines()
+    for number, line in lines:
+        if number == 1 and (said := _UNIT.match(line)):
+            scale = {"fraction": 1.0, "percent": 100.0}[said[1].lower()]
+        if _is_data(line):
+            break
+    else:
+        raise source.error("the file is empty")
+    below = ((number, line) for number, line in lines if _is_data(line))
+    cells = _Cells(source, _sniff(line), number, [], below)
+    cells.header.extend(_split(cells, number, line))
+    while cells.header and not cells.header[-1]:
+        cells.header.pop()
+    if len(cells.header) < 2:
+        raise cells.error(number, f"the header has one column only; {_LAYOUTS}")
+    return cells, scale
 
 
-def _read_cells(path: Path) -> _Cells:
-    """Cut a text file into cells, all rows as long as the header."""
-    try:
-        text = path.read_bytes().decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise ValueError(f"{path}: not UTF-8 text (byte {error.start}); export the table as UTF-8 CSV") from None
-    if "\0" in text:
-        raise ValueError(f"{path}: not a text file; export the table as UTF-8 CSV")
-    lines = [
-        (number, line)
-        for number, line in enumerate(text.splitlines(), start=1)
-        if line.strip(" \t,;") and not line.lstrip().startswith("#")
-    ]
-    if not lines:
-        raise ValueError(f"{path}: the file is empty")
-    delimiter = _sniff(lines[0][1])
-    header = _split(lines[0][1], delimiter)
-    while header and not header[-1]:
-        header.pop()
-    if len(header) < 2:
-        raise ValueError(f"{path}, line {lines[0][0]}: the header has one column only; {_LAYOUTS}")
-    cells = _Cells(path, delimiter, lines[0][0], header, [])
-    for number, line in lines[1:]:
-        row = _split(line, delimiter)
-        while len(row) > len(header) and not row[-1]:
-            row.pop()
-        if len(row) != len(header):
-            raise cells.error(number, f"{len(row)} cells where the header has {len(header)}")
-        cells.rows.append((number, row))
-    return cells
+def _is_data(line: str) -> bool:
+    """Whether a line is neither blank nor a comment."""
+    return bool(line.strip(" \t,;")) and not line.lstrip().startswith("#")
 
 
 def _sniff(header: str) -> str:
@@ -112,15 +141,26 @@ def _sniff(header: str) -> str:
     return best if counts[best] else " "
 
 
-def _split(line: str, delimiter: str) -> list[str]:
+def _split(cells: _Cells, number: int, line: str) -> list[str]:
     """Cells of a line, without the blanks around them."""
-    if delimiter == " ":
-        line, skip = line.strip().replace("\t", " "), True
-    else:
-        skip = False
-    reader = csv.reader([line], delimiter=delimiter, skipinitialspace=True)
-    cells = [cell.strip() for cell in next(reader, [])]
-    return [cell for cell in cells if cell] if skip else cells
+    if '"' not in line:
+        return [cell.strip() for cell in _plain(line, cells.delimiter)]
+    blanks = cells.delimiter == " "
+    if blanks:
+        line = line.strip().replace("\t", " ")
+    try:
+        row = next(csv.reader([line], delimiter=cells.delimiter, skipinitialspace=True), [])
+    except csv.Error as error:
+        raise cells.error(number, f"{error}; is a quotation mark left open?") from None
+    row = [cell.strip() for cell in row]
+    return [cell for cell in row if cell] if blanks else row
+
+
+def _plain(line: str, delimiter: str) -> list[str]:
+    """Cells of a line without quotes, with the blanks around them unless blanks separate."""
+    if delimiter != " ":
+        return line.split(delimiter)
+    return [cell for cell in line.replace("\t", " ").split(" ") if cell.strip()]
 
 
 def _number(cell: str, delimiter: str) -> float | None:
@@ -139,14 +179,14 @@ def _wavelength(cell: str, delimiter: str) -> float | None:
     return _number(_NANOMETRES.sub("", cell), delimiter)
 
 
-def _is_long(cells: _Cells) -> bool:
+def _is_long(cells: _Cells, first: tuple[int, str]) -> bool:
     """Whether samples are columns; refuses a header that names wavelengths in neither way."""
     titles = [_wavelength(cell, cells.delimiter) for cell in cells.header[1:]]
     numeric = [value for value in titles if value is not None]
     if len(numeric) == len(titles) and _number(cells.header[0], cells.delimiter) is not None:
         raise cells.error(cells.header_line, f"numbers only, where a header should be; {_LAYOUTS}")
-    column = [_wavelength(row[0], cells.delimiter) for _, row in cells.rows]
-    titled = bool(_WAVELENGTH_TITLE.match(cells.header[0])) and all(value is not None for value in column[:1])
+    leading = _wavelength(cells.split(*first)[0], cells.delimiter)
+    titled = bool(_WAVELENGTH_TITLE.match(cells.header[0])) and leading is not None
     # Samples may be numbered 1, 2, 3; a wavelength in nm has three digits at least.
     if 2 * len(numeric) > len(titles) and not (titled and max(numeric) < 100):
         return False
@@ -160,7 +200,7 @@ def _check_grid(cells: _Cells, wavelengths: Sequence[float]) -> Float[np.ndarray
     try:
         return validate_wavelengths(np.asarray(wavelengths))
     except ValueError as error:
-        raise ValueError(f"{cells.path}: {error}") from None
+        raise cells.source.error(error) from None
 
 
 def _value(cells: _Cells, line: int, name: str, column: str, cell: str) -> float:
@@ -174,8 +214,43 @@ def _value(cells: _Cells, line: int, name: str, column: str, cell: str) -> float
     return value
 
 
+def _read_rows(
+    cells: _Cells, first: tuple[int, str], start: Callable[[int, str], object], titles: Sequence[str], *, wide: bool
+) -> Float[np.ndarray, "rows columns"]:
+    """Numbers right of the first column.
+
+    Args:
+        cells: the table.
+        first: number and text of the line below its header.
+        start: takes the number and the first cell of each line, and refuses what is wrong with it.
+        titles: what the errors call the columns.
+        wide: whether the first cell names the sample; else the column does.
+    """
+    values = array("d")
+    for number, text in _with_first(first, cells.lines):
+        quick = cells.quick(text)
+        if quick is None:
+            name, *row = cells.split(number, text)
+            start(number, name)
+            values.extend(
+                _value(cells, number, name if wide else title, title, cell)
+                for title, cell in zip(titles, row, strict=True)
+            )
+        else:
+            start(number, quick[0])
+            values.extend(quick[1])
+        if len(values) > _MAX_VALUES:
+            raise cells.error(number, f"more than {_MAX_VALUES} values so far; split the table")
+    return np.frombuffer(values).reshape(-1, len(titles))
+
+
+def _with_first(first: tuple[int, str], rest: Iterator[tuple[int, str]]) -> Iterator[tuple[int, str]]:
+    yield first
+    yield from rest
+
+
 def _read_wide(
-    cells: _Cells,
+    cells: _Cells, first: tuple[int, str]
 ) -> tuple[list[str], Float[np.ndarray, "bands"], Float[np.ndarray, "rows bands"]]:
     """Names, wavelengths and values of a table with a sample a row."""
     wavelengths = []
@@ -185,34 +260,46 @@ def _read_wide(
             raise cells.error(cells.header_line, f"column {title!r} is not a wavelength in nm")
         wavelengths.append(value)
     grid = _check_grid(cells, wavelengths)
-    lines: dict[str, int] = {}
-    values = []
-    for line, (name, *row) in cells.rows:
-        _check_name(cells, line, name, lines)
-        lines[name] = line
-        values.append(
-            [_value(cells, line, name, title, cell) for title, cell in zip(cells.header[1:], row, strict=True)]
-        )
-    return list(lines), grid, np.array(values)
+    names: list[str] = []
+    # 16 bytes a name instead of the 150 of a dictionary.
+    lines, hashes = array("q"), array("q")
+
+    def start(number: int, name: str) -> None:
+        if not name or len(names) == _MAX_SPECTRA:
+            wrong = "a sample has no name" if not name else f"more than {_MAX_SPECTRA} samples so far; split the table"
+            raise cells.error(number, wrong)
+        names.append(name)
+        lines.append(number)
+        hashes.append(hash(name))
+
+    values = _read_rows(cells, first, start, cells.header[1:], wide=True)
+    ordered = np.sort(np.frombuffer(hashes, np.int64))
+    if (ordered[1:] == ordered[:-1]).any():
+        seen: dict[str, int] = {}
+        for number, name in zip(lines, names, strict=True):
+            _check_name(cells, number, name, seen)
+            seen[name] = number
+    return names, grid, values
 
 
 def _read_long(
-    cells: _Cells,
+    cells: _Cells, first: tuple[int, str]
 ) -> tuple[list[str], Float[np.ndarray, "bands"], Float[np.ndarray, "rows bands"]]:
     """Names, wavelengths and values of a table with a sample a column."""
     lines: dict[str, int] = {}
     for name in cells.header[1:]:
         _check_name(cells, cells.header_line, name, lines)
         lines[name] = cells.header_line
-    names = list(lines)
-    wavelengths, values = [], []
-    for line, (first, *row) in cells.rows:
-        wavelength = _wavelength(first, cells.delimiter)
+    names, wavelengths = list(lines), array("d")
+
+    def start(number: int, cell: str) -> None:
+        wavelength = _wavelength(cell, cells.delimiter)
         if wavelength is None:
-            raise cells.error(line, f"column {cells.header[0]!r}: {first!r} is not a wavelength in nm")
+            raise cells.error(number, f"column {cells.header[0]!r}: {cell!r} is not a wavelength in nm")
         wavelengths.append(wavelength)
-        values.append([_value(cells, line, name, name, cell) for name, cell in zip(names, row, strict=True)])
-    return names, _check_grid(cells, wavelengths), np.array(values).T
+
+    values = _read_rows(cells, first, start, names, wide=False)
+    return names, _check_grid(cells, wavelengths), values.T
 
 
 def _check_name(cells: _Cells, line: int, name: str, seen: dict[str, int]) -> None:
@@ -236,54 +323,90 @@ def _triples(cells: _Cells) -> tuple[int, int, int] | None:
 
 
 def _read_triples(
-    cells: _Cells, name_at: int, wavelength_at: int, value_at: int
+    cells: _Cells, first: tuple[int, str], name_at: int, wavelength_at: int, value_at: int
 ) -> tuple[list[str], Float[np.ndarray, "bands"], Float[np.ndarray, "rows bands"]]:
     """Names, wavelengths and values of a table with a value a row; all samples must have the same wavelengths."""
-    spectra: dict[str, dict[float, float]] = {}
-    for line, row in cells.rows:
+    rows: dict[str, int] = {}
+    columns: dict[float, int] = {}
+    column_at: dict[str, int] = {}  # by its text, which need not be parsed again
+    row_of, column_of, values = array("i"), array("i"), array("d")
+    breaks: list[tuple[int, int]] = []  # a value and its line, wherever that is not the line after the value before
+    for number, text in _with_first(first, cells.lines):
+        row = cells.split(number, text)
         name, title = row[name_at], row[wavelength_at]
-        wavelength = _wavelength(title, cells.delimiter)
         if not name:
-            raise cells.error(line, "a sample has no name")
-        if wavelength is None:
-            raise cells.error(line, f"column {cells.header[wavelength_at]!r}: {title!r} is not a wavelength in nm")
-        spectrum = spectra.setdefault(name, {})
-        if wavelength in spectrum:
-            raise cells.error(line, f"sample {name!r} has a value at {title} nm already")
-        spectrum[wavelength] = _value(cells, line, name, cells.header[value_at], row[value_at])
-    grid = _check_grid(cells, sorted({w for spectrum in spectra.values() for w in spectrum}))
-    for name, spectrum in spectra.items():
-        if len(spectrum) != grid.size:
-            missing = next(w for w in grid if w not in spectrum)
-            raise ValueError(f"{cells.path}: sample {name!r} has no value at {missing:g} nm, where others have one")
-    return list(spectra), grid, np.array([[spectrum[w] for w in grid] for spectrum in spectra.values()])
+            raise cells.error(number, "a sample has no name")
+        if title not in column_at:
+            wavelength = _wavelength(title, cells.delimiter)
+            if wavelength is None:
+                raise cells.error(
+                    number, f"column {cells.header[wavelength_at]!r}: {title!r} is not a wavelength in nm"
+                )
+            column_at[title] = columns.setdefault(wavelength, len(columns))
+        if not breaks or number - breaks[-1][1] != len(values) - breaks[-1][0]:
+            breaks.append((len(values), number))
+        row_of.append(rows.setdefault(name, len(rows)))
+        column_of.append(column_at[title])
+        values.append(_value(cells, number, name, cells.header[value_at], row[value_at]))
+        if len(rows) > _MAX_SPECTRA or len(columns) > _MAX_BANDS or len(values) > _MAX_VALUES:
+            raise cells.error(number, "more samples, wavelengths or values so far than a table may hold; split it")
+    names = list(rows)
+    grid = _check_grid(cells, sorted(columns))
+    # Columns in the order of their wavelengths, not of the file.
+    rank = np.argsort(np.argsort(np.fromiter(columns, float)))
+    at_row, at_column = np.frombuffer(row_of, np.int32), np.frombuffer(column_of, np.int32)
+    # Filled in parts, as whole arrays of places would take more room than the table.
+    parts = [slice(i, i + _PART) for i in range(0, len(values), _PART)]
+    if len(names) * grid.size == len(values):
+        table, seen = np.empty((len(names), grid.size)), np.zeros((len(names), grid.size), bool)
+        for part in parts:
+            seen[at_row[part], rank[at_column[part]]] = True
+            table[at_row[part], rank[at_column[part]]] = values[part]
+        if seen.all():
+            return names, grid, table
+    places = at_row.astype(np.int64) * grid.size + rank[at_column]
+    order = np.argsort(places, kind="stable")
+    again = order[1:][np.diff(places[order]) == 0]
+    if again.size:
+        place = int(again.min())
+        start, line = breaks[bisect.bisect_right(breaks, place, key=lambda pair: pair[0]) - 1]
+        title = f"{grid[rank[at_column[place]]]:g}"
+        raise cells.error(line + place - start, f"sample {names[at_row[place]]!r} has a value at {title} nm already")
+    row = int(np.argmax(np.bincount(at_row) < grid.size))
+    missing = np.delete(grid, rank[at_column[at_row == row]])[0]
+    raise cells.source.error(f"sample {names[row]!r} has no value at {missing:g} nm, where others have one")
 
 
-def read_columns(path: Path) -> RawSpectra:
+def read_columns(source: Source) -> RawSpectra:
     """Read columns of numbers without a header, as spectrometers write them: wavelengths in nm, then a spectrum each.
 
     Raises:
         ValueError: a row of another length, a cell that is not a number, or first columns that are no wavelengths.
     """
-    rows: list[list[float]] = []
-    for number, line in enumerate(decode(path).splitlines(), start=1):
+    numbers, width = array("d"), 0
+    # Only comments may be in another encoding, and they are skipped.
+    for number, line in source.lines(damaged="replace"):
         cells = line.split()
         if not cells or cells[0].startswith("#"):
             continue
         try:
-            rows.append([float(cell) for cell in cells])
+            row = array("d", map(float, cells))
         except ValueError:
-            raise ValueError(f"{path}, line {number}: {line.strip()[:40]!r} are not numbers only") from None
-        if len(rows[-1]) != len(rows[0]):
-            raise ValueError(f"{path}, line {number}: {len(rows[-1])} cells where the first row has {len(rows[0])}")
-    table = np.array(rows)
+            raise source.error(f"{line.strip()[:40]!r} are not numbers only", number) from None
+        width = width or len(row)
+        if len(row) != width:
+            raise source.error(f"{len(row)} cells where the first row has {width}", number)
+        numbers.extend(row)
+        if len(numbers) > _MAX_VALUES:
+            raise source.error(f"more than {_MAX_VALUES} values so far; split the file", number)
+    table = np.frombuffer(numbers).reshape(-1, width)
     try:
         wavelengths, notes = nanometres(table[:, 0], None)
     except ValueError as error:
-        raise ValueError(f"{path}: first column: {error}; {_LAYOUTS}") from None
+        raise source.error(f"first column: {error}; {_LAYOUTS}") from None
     steps = np.diff(wavelengths)
     if not (wavelengths.min() >= 100 and (np.all(steps > 0) or np.all(steps < 0))):
-        raise ValueError(f"{path}: numbers only, and the first column does not run through wavelengths; {_LAYOUTS}")
-    names = [f"column {i}" for i in range(2, table.shape[1] + 1)]
+        raise source.error(f"numbers only, and the first column does not run through wavelengths; {_LAYOUTS}")
+    names = [f"column {i}" for i in range(2, width + 1)]
     notes.append("there is no header: spectra are named by their column")
     return RawSpectra(wavelengths, names, table[:, 1:].T, "columns of numbers without a header", notes)

@@ -1,0 +1,262 @@
+"""A user's file, opened once and read once: in pieces, with a bound for all that a file could make us take.
+
+Every reader of users' files takes a `Source`. So a pipe (``/dev/stdin``, ``<(...)``) reads as a file does, a device is
+refused before it is opened, a pipe that nobody writes into is given up, and whatever the system says of a file (a name
+that is too long, a failing disk) is one sentence that names it.
+"""
+
+import codecs
+import os
+import select
+import stat
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TypeAlias
+
+Progress: TypeAlias = Callable[[int, int | None], None]
+"""Called with the bytes read so far and those of the file (None for a pipe)."""
+
+HEAD = 1 << 16
+_PIECE = 1 << 20
+# A line of more is no line of a table; its cells alone would take 60 bytes each.
+MAX_LINE = 1 << 22
+# What is read as a whole, and into how many words it may be cut: together they stay below 200 MB.
+MAX_TEXT = 1 << 24
+MAX_WORDS = 1_500_000
+# Seconds until a pipe is given up: into which nobody writes, or whose writer says nothing.
+NOBODY = 3.0
+SILENCE = 60.0
+_LONGEST = 600
+
+_BREAKS = tuple("\n\x0b\x0c\x1c\x1d\x1e\x85\u2028\u2029")
+_WORDS = (b" ", b",", b"\t", b"\n", b"[", b"{", b"<", b";")
+
+
+class Source:
+    """An open file of a user. Made by `opened`; its content can be taken once.
+
+    Attributes:
+        path: its name, for errors and for files beside it.
+        size: bytes, or None for a pipe.
+        head: its first 65536 bytes, or all if there are fewer; they are still part of the content.
+    """
+
+    def __init__(self, path: Path, descriptor: int, size: int | None, progress: Progress | None = None):
+        self.path = path
+        self.size = size
+        self._descriptor = descriptor
+        self._progress = progress
+        self._got = 0
+        self._taken = False
+        head = bytearray()
+        while len(head) < HEAD and (piece := self._read(HEAD - len(head))):
+            head += piece
+        self.head = bytes(head)
+
+    def pieces(self) -> Iterator[bytes]:
+        """The content, piece by piece."""
+        if self._taken:
+            raise RuntimeError(f"{self.path} was read twice")
+        self._taken = True
+        piece = self.head
+        while piece:
+            yield piece
+            piece = self._read(_PIECE)
+
+    def content(self, most: int = MAX_TEXT) -> bytes:
+        """The whole content.
+
+        Raises:
+            ValueError: there are more bytes than ``most``.
+        """
+        found = bytearray()
+        if self.size is None or self.size <= most:
+            for piece in self.pieces():
+                found += piece
+                if len(found) > most:
+                    break
+            else:
+                return bytes(found)
+        raise self.error(
+            f"larger than the {most >> 20} MB that are read of such a file; split it, or export spectra as CSV, which "
+            "may be larger"
+        )
+
+    def text(self, *, most: int = MAX_TEXT, fallback: str | None = "latin-1") -> str:
+        """The whole content as text: UTF-8, else Latin-1, which old instruments write.
+
+        Args:
+            most: bytes.
+            fallback: encoding of what is not UTF-8; None refuses it.
+
+        Raises:
+            ValueError: it is larger, of more than 1.5 million words, or not text.
+        """
+        content = self.content(most)
+        words = sum(content.count(word) for word in _WORDS)
+        if words > MAX_WORDS:
+            raise self.error(f"more than {MAX_WORDS} words; split it, or export the spectra as CSV")
+        try:
+            return content.decode("utf-8-sig")
+        except UnicodeDecodeError as error:
+            if fallback is None:
+                raise self._not_text(error.start) from None
+            return content.decode(fallback)
+
+    def lines(self, *, damaged: str = "strict") -> Iterator[tuple[int, str]]:
+        """Lines and their numbers, from 1 on, without line breaks; read while they are asked for.
+
+        Args:
+            damaged: what to do with what is not UTF-8: ``strict`` refuses it, ``replace`` puts U+FFFD.
+
+        Raises:
+            ValueError: not UTF-8 text, or a line of more than 4 MB.
+        """
+        decoder = codecs.getincrementaldecoder("utf-8")(damaged)
+        number, rest, done = 0, "", 0
+        for piece in self.pieces():
+            if done == 0:
+                piece = piece.removeprefix(codecs.BOM_UTF8)
+            waiting = len(decoder.getstate()[0])
+            try:
+                text = decoder.decode(piece)
+            except UnicodeDecodeError as error:
+                raise self._not_text(done - waiting + error.start) from None
+            done += len(piece)
+            if "\0" in text:
+                raise self.error("not a text file; export the table as UTF-8 CSV")
+            text = rest + text
+            lines = text.splitlines()
+            # A \r at the end may be half of a break.
+            half = text.endswith("\r")
+            rest = "" if not half and text.endswith(_BREAKS) else lines.pop() + "\r" * half if lines else ""
+            for line in lines:
+                number += 1
+                yield number, line
+            if len(rest) > MAX_LINE:
+                raise self.error(f"longer than {MAX_LINE >> 20} MB: is this a table of spectra?", number + 1)
+        try:
+            rest += decoder.decode(b"", final=True)
+        except UnicodeDecodeError:
+            raise self._not_text(done) from None
+        for line in rest.splitlines():
+            number += 1
+            yield number, line
+
+    def error(self, complaint: object, line: int | None = None) -> ValueError:
+        """What is wrong with the file, and on which line."""
+        return refusal(self.path, complaint, line)
+
+    def _not_text(self, byte: int) -> ValueError:
+        return self.error(f"not UTF-8 text (byte {byte}); export the table as UTF-8 CSV")
+
+    def _read(self, count: int) -> bytes:
+        """Next bytes; none at the end. Waits for the writer of a pipe, but not for ever."""
+        start = time.monotonic()
+        while True:
+            waited = time.monotonic() - start
+            try:
+                piece = os.read(self._descriptor, count)
+            except BlockingIOError:
+                if waited > SILENCE:
+                    raise self.error(
+                        f"nothing came through this pipe for {SILENCE:g} s; write to a file first and name that"
+                    ) from None
+                select.select([self._descriptor], [], [], 1.0)
+                continue
+            if piece or self._got or self.size is not None:
+                break
+            if waited > NOBODY:
+                raise self.error("nobody writes into this pipe; is the command before it right?")
+            time.sleep(0.02)
+        self._got += len(piece)
+        if self._progress is not None:
+            self._progress(self._got, self.size)
+        return piece
+
+
+@contextmanager
+def opened(path: str | Path, *, progress: Progress | None = None, missing: str = "") -> Iterator[Source]:
+    """A file or pipe, open for reading; all that the system complains of meanwhile names it.
+
+    Args:
+        path: of the file.
+        progress: called as it is read.
+        missing: what to say if there is no such file.
+
+    Raises:
+        FileNotFoundError: no such file.
+        OSError: the system cannot open or read it.
+        ValueError: it is a folder or a device, a pipe that nobody writes into, or too large for the memory.
+    """
+    path = Path(path)
+    with explained(path, missing):
+        mode = os.stat(path).st_mode
+        if stat.S_ISDIR(mode):
+            raise ValueError(f"{shown(path)}: this is a folder, not a file; name a file in it")
+        if not (stat.S_ISREG(mode) or stat.S_ISFIFO(mode)):
+            raise ValueError(f"{shown(path)}: this is a device, not a file; name a file or a pipe")
+        descriptor = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0))
+        try:
+            size = os.fstat(descriptor).st_size if stat.S_ISREG(mode) else None
+            yield Source(path, descriptor, size, progress)
+        finally:
+            os.close(descriptor)
+
+
+@contextmanager
+def explained(path: Path, missing: str = "") -> Iterator[None]:
+    """What goes wrong with a file in one sentence that names it, whatever the system or Python calls it.
+
+    Args:
+        path: of the file.
+        missing: what to say if there is no such file.
+    """
+    name = shown(path)
+    try:
+        yield
+    except FileNotFoundError as error:
+        if error.strerror is None:
+            raise
+        raise FileNotFoundError(missing or f"{name}: there is no such file") from None
+    except OSError as error:
+        if error.strerror is None:
+            raise
+        raise type(error)(f"{name}: cannot be read: {error.strerror}") from None
+    except MemoryError:
+        raise ValueError(f"{name}: too large for this machine's memory; split it") from None
+    except RecursionError:
+        raise ValueError(f"{name}: nested too deeply to be a file of spectra") from None
+    except ValueError as error:
+        if "embedded null" in str(error):
+            raise ValueError(f"{name}: a file's name cannot hold the character NUL") from None
+        raise
+
+
+def is_there(path: str | Path) -> bool:
+    """Whether there is a file, pipe or device of this name, and no folder; False for a name that cannot be."""
+    try:
+        return not stat.S_ISDIR(os.stat(path).st_mode)
+    except (OSError, ValueError):
+        return False
+
+
+def refusal(path: str | Path, complaint: object, line: int | None = None) -> ValueError:
+    """What is wrong with a file, on which line, in one line of bearable length whatever the file holds."""
+    where = shown(path) if line is None else f"{shown(path)}, line {line}"
+    return ValueError(f"{shortened(where)}: {shortened(str(complaint))}")
+
+
+def shortened(text: str) -> str:
+    """Text on one line, without its middle if it is long."""
+    if not text.isprintable():
+        text = "".join(letter if letter.isprintable() else " " for letter in text)
+    return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 2 :]}"
+
+
+def shown(path: str | Path) -> str:
+    """Path as errors show it, on one line."""
+    text = str(path)
+    return text if text.isprintable() else repr(text)

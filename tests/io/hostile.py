@@ -1,0 +1,369 @@
+"""Files of every kind that a user may name, ways to damage them, and what a reader may then do."""
+
+import io
+import json
+import random
+import re
+import struct
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from glazefit.film.readers import read_films, read_names
+from glazejax.appearance.scene.file import read_scene
+from glazejax.appearance.scene.file_materials import read_grey
+from glazejax.appearance.scene.lights import measured_lamp
+from glazejax.io import SpectraTable, read_cube, read_spectra
+from glazejax.paint.pigment_table import read_pigments
+
+from .samples import ASD_WHITE, CGATS, CXF, ENVI, GRID, asd_body, asd_header, jcamp_block, spectra
+
+WORDS = (
+    *("", "0", "-1", "1", "2", "3", "65536", "2147483648", "4294967297", "9223372036854775808", "400000000", "1e308"),
+    *("1e999", "-1e999", "nan", "inf", "0x10", "1_0", "1,5", "1e-320", "9" * 40, "9" * 1000, "9" * 5000, '"', "{", "}"),
+    *("[", "[" * 3000, "<", ">", "=", "##", "$$", "#", "\t", "\n", "\r", "\0", " ", ",", ";", "é", "\ud7ff", "\ufeff"),
+    *("\u2028", "'", "&lt;", "&a;", "<!DOCTYPE a>", "%", "J9", "s999999", "name", "true", "null", "-", "+", ".", "END"),
+)
+# Words of Python and NumPy that are no answer to a user.
+_RIDDLES = re.compile(
+    r"out of range|axes don't|NoneType|to unpack|broadcast|object is not|codec can't|invalid literal|zero-size array"
+    r"|has no attribute|must be real number|Exceeds the limit|cannot reshape|division by zero|shapes? .* not aligned"
+)
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A sample file and its reader.
+
+    Attributes:
+        name: name of the file that is damaged.
+        content: what it holds before.
+        read: the reader.
+        beside: files that belong to it.
+        counts: what is wrong with a result by the counts that the content declares, or nothing.
+    """
+
+    name: str
+    content: bytes
+    read: Callable[[Path], Any]
+    beside: dict[str, bytes] = field(default_factory=dict)
+    counts: Callable[[bytes, Any], str] = lambda content, found: ""
+
+
+class Fault(Exception):
+    """A reader did what no reader may."""
+
+
+def damaged(content: bytes, others: list[bytes], chance: random.Random) -> bytes:
+    """The content after one to three damages."""
+    for _ in range(chance.choice((1, 1, 1, 2, 3))):
+        content = chance.choice(_DAMAGES)(content, others, chance)
+    return content
+
+
+def outcome(subject: Subject, folder: Path, content: bytes) -> bool:
+    """Whether the reader accepts this content of the subject's file.
+
+    Raises:
+        Fault: it raises what it may not, says what is no answer, or gives another number of things than declared.
+    """
+    path = folder / subject.name
+    path.write_bytes(content)
+    try:
+        with warnings.catch_warnings():
+            # Users see them as lines of Python's.
+            warnings.simplefilter("error")
+            found = subject.read(path)
+    except (ValueError, OSError) as error:
+        words = str(error)
+        if len(words.splitlines()) != 1 or len(words) > 2000:
+            raise Fault(f"{type(error).__name__} of {len(words.splitlines())} lines: {words[:300]!r}") from error
+        if path.stem not in words:
+            raise Fault(f"does not name the file: {type(error).__name__}: {words[:300]}") from error
+        if (riddle := _RIDDLES.search(words)) is not None:
+            raise Fault(f"a riddle, {riddle[0]!r}: {words[:300]}") from error
+        return False
+    except Exception as error:
+        raise Fault(f"{type(error).__name__}: {str(error)[:300]}") from error
+    if isinstance(found, SpectraTable):
+        _check_table(found)
+    if wrong := subject.counts(content, found):
+        raise Fault(f"silently wrong: {wrong}")
+    return True
+
+
+def _check_table(table: SpectraTable) -> None:
+    values = table.reflectance
+    if values.shape != (len(table.names), table.wavelengths.size) or len(set(table.names)) != len(table.names):
+        raise Fault(f"{len(table.names)} names, {table.wavelengths.size} bands and values of shape {values.shape}")
+    if not (np.isfinite(values).all() and (np.diff(table.wavelengths) > 0).all() and values.min() >= -np.inf):
+        raise Fault("values that are not finite or wavelengths that do not ascend")
+    if any(not text.isprintable() for note in table.notes for text in note.split("\n")):
+        raise Fault(f"notes that cannot be printed: {table.notes!r}")
+
+
+def _flip(content: bytes, others: list[bytes], chance: random.Random) -> bytes:
+    changed = bytearray(content)
+    for _ in range(chance.choice((1, 1, 2, 8))):
+        if changed:
+            at = chance.randrange(len(changed))
+            changed[at] = changed[at] ^ (1 << chance.randrange(8)) if chance.random() < 0.5 else chance.randrange(256)
+    return bytes(changed)
+
+
+def _cut(content: bytes, others: list[bytes], chance: random.Random) -> bytes:
+    start, end = sorted(chance.randrange(len(content) + 1) for _ in range(2))
+    return chance.choice((content[:end], content[start:], content[:start] + content[end:]))
+
+
+def _insert(content: bytes, others: list[bytes], chance: random.Random) -> bytes:
+    at = chance.randrange(len(content) + 1)
+    start, end = sorted(chance.randrange(len(content) + 1) for _ in range(2))
+    piece = chance.choice((content[start:end], chance.randbytes(chance.randrange(20)), _word(chance)))
+    return content[:at] + piece + content[at:]
+
+
+def _word(chance: random.Random) -> bytes:
+    return chance.choice(WORDS).encode()
+
+
+def _swap(content: bytes, others: list[bytes], chance: random.Random) -> bytes:
+    """Two fields, or two lines, change places."""
+    parts = re.split(chance.choice((rb"(\n)", rb"([,;\t ]+)", rb"(\W+)")), content)
+    if len(parts) > 2:
+        i, j = (2 * chance.randrange((len(parts) + 1) // 2) for _ in range(2))
+        parts[i], parts[j] = parts[j], parts[i]
+    return b"".join(parts)
+
+
+def _number(content: bytes, others: list[bytes], chance: random.Random) -> bytes:
+    """A number, of the header more often than not, becomes another."""
+    found = list(re.finditer(rb"-?\d+(?:\.\d+)?", content))
+    if not found:
+        return content
+    match = chance.choice(found[:20] if chance.random() < 0.6 else found)
+    near = str(int(float(match[0][:15])) + chance.choice((-1, 1, 10, 1000))).encode()
+    word = chance.choice((_word(chance), near, match[0] * 2, b"%d" % chance.randrange(1 << 34)))
+    return content[: match.start()] + word + content[match.end() :]
+
+
+def _field(content: bytes, others: list[bytes], chance: random.Random) -> bytes:
+    """Bytes that may be a binary number become another."""
+    kind = chance.choice(("<b", "<h", "<H", "<i", "<f", "<d", ">i", ">d"))
+    numbers = (0, 1, -1, 127, 255, 32767, 65535, 2**31 - 1, np.nan, np.inf, 1e30, -1e30)
+    value = chance.choice(numbers)
+    try:
+        packed = struct.pack(kind, value if kind[1] in "fd" else int(value))
+    except (struct.error, ValueError, OverflowError):
+        packed = b"\xff\xff\xff\x7f"
+    at = chance.randrange(min(len(content), 600) + 1)
+    return content[:at] + packed + content[at + len(packed) :]
+
+
+def _splice(content: bytes, others: list[bytes], chance: random.Random) -> bytes:
+    """The beginning of one file and the end of another."""
+    other = chance.choice(others)
+    return content[: chance.randrange(len(content) + 1)] + other[chance.randrange(len(other) + 1) :]
+
+
+def _repeat(content: bytes, others: list[bytes], chance: random.Random) -> bytes:
+    """A piece many times over, up to a megabyte."""
+    if chance.random() < 0.8 or not content:
+        return _number(content, others, chance)
+    start = chance.randrange(len(content))
+    piece = content[start : start + chance.choice((1, 3, 30, 1000))]
+    return content[:start] + piece * (chance.randrange(1 << 20) // len(piece)) + content[start:]
+
+
+_DAMAGES = (_flip, _flip, _cut, _insert, _swap, _swap, _number, _number, _field, _splice, _repeat)
+
+
+def subjects() -> dict[str, Subject]:
+    """One of each kind, by what the kind is called."""
+    values = spectra()
+    names = ["red", "green, light", "blue"]
+    cells = [[f"{value:.4f}" for value in row] for row in values]
+    wide = "Name," + ",".join(f"{w:g}" for w in GRID) + "\n"
+    wide += "".join(f'"{name}",' + ",".join(row) + "\n" for name, row in zip(names, cells, strict=True))
+    long = "# unit: fraction\nwavelength (nm);red;green;blue\n"
+    columns = "# µ spectrometer\n"
+    for w, row in zip(GRID, values.T, strict=True):
+        long += f"{w:g};" + ";".join(f"{value:.4f}" for value in row).replace(".", ",") + "\n"
+        columns += f"{w:g} " + " ".join(f"{value:.4f}" for value in row) + "\n"
+    triples = "sample\twavelength\treflectance\n"
+    for name, row in zip(names, cells, strict=True):
+        triples += "".join(f"{name}\t{w:g}\t{cell}\n" for w, cell in zip(GRID, row, strict=True))
+    entries: list[dict[str, Any]] = [{"type": "wavelengths", "values": GRID.tolist()}]
+    entries += [{"name": n, "reflectance": (100 * v).tolist(), "grams": 2} for n, v in zip(names, values, strict=True)]
+    library = _envi(ENVI)
+    fields = {"samples": 4, "lines": 3, "bands": 31, "file type": "ENVI Standard", "data type": 12, "interleave": "bil"}
+    fields |= {"reflectance scale factor": 10000, "spectra names": None, "header offset": 0}
+    image = _envi(ENVI | fields)
+    pixels = np.round(1e4 * spectra(12).reshape(3, 4, 31).transpose(0, 2, 1)).astype("<u2").tobytes()
+    numbers = values.astype("<f4").tobytes()
+    films = "name\t400\t500\t600\n"
+    for film in ("A", "B"):
+        films += "".join(f"{film}_{end}\t0.1\t0.{i}\t0.5\n" for i, end in enumerate(("b", "w", "ob", "ow"), start=2))
+    pigments = "# fitted\npigment,wavelength_nm,absorption,scattering,absorption_sd,scattering_sd,identifiable\n"
+    for name in "AB":
+        pigments += "".join(f"{name},{w},{10 + w},20.5,1,inf,true\n" for w in (400, 500, 600, 700))
+    array = io.BytesIO()
+    np.save(array, np.linspace(0, 1, 12).reshape(3, 4))
+    asd = asd_header() + asd_body(0.5 * ASD_WHITE)
+    steps = jcamp_block(form="XYDATA")
+    flat = np.repeat(np.round(spectra(1)[0, ::2], 3), 2)[:-1]
+    packed = jcamp_block(values=flat, form="DIFDUP")
+    return {
+        "CSV, a sample a row": Subject("wide.csv", wide.encode(), read_spectra, counts=_lines),
+        "CSV, a sample a column": Subject("long.csv", long.encode(), read_spectra, counts=_lines),
+        "TSV, a value a row": Subject("longest.tsv", triples.encode(), read_spectra, counts=_lines),
+        "columns without a header": Subject("columns.txt", columns.encode(), read_spectra, counts=_lines),
+        "CGATS": Subject("chart.txt", CGATS.encode(), read_spectra, counts=_cgats),
+        "CxF3": Subject("chart.cxf", CXF.encode(), read_spectra, counts=_cxf),
+        "JCAMP-DX pairs": Subject("pairs.dx", jcamp_block().encode(), read_spectra, counts=_jcamp),
+        "JCAMP-DX steps": Subject("steps.dx", (steps + steps).encode(), read_spectra, counts=_jcamp),
+        "JCAMP-DX packed": Subject("packed.dx", packed.encode(), read_spectra, counts=_jcamp),
+        "ASD": Subject("ochre.asd", asd, read_spectra, counts=_asd),
+        "JSON": Subject("paints.json", json.dumps(entries).encode(), read_spectra, counts=_json),
+        "ENVI library, header": Subject("lib.hdr", library, read_spectra, {"lib.sli": numbers}, _envi_counts),
+        "ENVI library, data": Subject("lib.sli", numbers, read_spectra, {"lib.hdr": library}, _fixed(3, 31)),
+        "ENVI image, header": Subject("cube.hdr", image, read_cube, {"cube.img": pixels}, _envi_counts),
+        "ENVI image, data": Subject("cube.img", pixels, read_spectra, {"cube.hdr": image}, _fixed(12, 31)),
+        "pigments": Subject("pigments.csv", pigments.encode(), read_pigments, counts=_pigments),
+        "films": Subject("films.tsv", films.encode(), read_films),
+        "names of films": Subject("mixtures.tsv", b"# paints\n01\tRed-White|100-0\n02\tBlue|100\n", read_names),
+        "scene": Subject(
+            "scene.toml", SCENE.encode(), read_scene, {"map.npy": array.getvalue(), "wide.csv": wide.encode()}
+        ),
+        "thickness map": Subject("map.npy", array.getvalue(), read_grey),
+        "picture of thickness": Subject("map.png", _png(), read_grey),
+        "lamp": Subject(
+            "lamp.csv",
+            b"nm,one\n" + b"".join(b"%d,%d.5\n" % (w, w - 300) for w in range(380, 781, 10)),
+            lambda path: measured_lamp(path, GRID),
+        ),
+    }
+
+
+SCENE = """[picture]
+width = 12
+height = 8
+wavelengths = "400:700:20"
+background = 0.2
+[camera]
+position = [0, -4, 2]
+[lights.sun]
+illuminant = "D65"
+direction = [0, 1, -1]
+[materials.grey]
+kind = "lambert"
+reflectance = "wide.csv:red"
+[materials.paint]
+kind = "glaze"
+layers = "ZincWhite:20um"
+thickness_map = "map.npy"
+thickness_range = ["0um", "20um"]
+[objects.ball]
+shape = "sphere"
+material = "grey"
+centre = [0, 0, 1]
+radius = 1.0
+"""
+
+
+def _envi(fields: dict[str, object]) -> bytes:
+    lines = [f"{title} = {text}" for title, text in fields.items() if text is not None]
+    return "\n".join(["ENVI", *lines, ""]).encode()
+
+
+def _png() -> bytes:
+    from PIL import Image
+
+    file = io.BytesIO()
+    Image.fromarray(np.arange(240, dtype=np.uint8).reshape(12, 20)).save(file, "png")
+    return file.getvalue()
+
+
+def _fixed(rows: int, bands: int) -> Callable[[bytes, Any], str]:
+    """Data beside a header that was not damaged; pixels without data may be left out."""
+
+    def counts(content: bytes, found: Any) -> str:
+        right = "ENVI" not in found.format or (found.wavelengths.size == bands and len(found) == rows)
+        return "" if right else f"{found!r} where the header declares {rows} of {bands} bands"
+
+    return counts
+
+
+def _lines(content: bytes, found: Any) -> str:
+    text = content.decode("utf-8-sig", "replace")
+    lines = [line for line in text.splitlines() if line.strip(" \t,;") and not line.lstrip().startswith("#")]
+    rows, bands = len(found), found.wavelengths.size
+    wanted = {"row": rows, "column": bands}.get(found.format.rpartition(" ")[2], bands)
+    if "a value a row" in found.format:
+        wanted = rows * bands
+    below = len(lines) - ("table" in found.format)
+    return "" if below == wanted or "table" not in found.format + "columns" else f"{below} lines, {found!r}"
+
+
+def _cgats(content: bytes, found: Any) -> str:
+    promised = re.findall(rb"^NUMBER_OF_SETS[ \t]+(\d+)[ \t]*$", content, re.MULTILINE)
+    wrong = "CGATS" in found.format and len(promised) == 1 and int(promised[0][:18]) != len(found)
+    return f"{promised} sets, {found!r}" if wrong and content.count(b"BEGIN_DATA_FORMAT") == 1 else ""
+
+
+def _cxf(content: bytes, found: Any) -> str:
+    spectra = len(re.findall(rb"<cc:ReflectanceSpectrum\b", content))
+    return f"{spectra} spectra, {found!r}" if b"<!" not in content and spectra != len(found) else ""
+
+
+def _jcamp(content: bytes, found: Any) -> str:
+    promised = {word.strip() for word in re.findall(rb"^##NPOINTS=(.*)$", content, re.MULTILINE)}
+    wrong = "JCAMP" in found.format and promised and b"%d" % found.wavelengths.size not in promised
+    try:
+        same = {float(word) for word in promised} == {found.wavelengths.size}
+    except ValueError:
+        same = False
+    return f"{promised} points, {found!r}" if wrong and not same else ""
+
+
+def _asd(content: bytes, found: Any) -> str:
+    (channels,) = struct.unpack_from("<H", content, 204)
+    whole = not any("left out" in note for note in found.notes)
+    return f"{channels} channels, {found!r}" if whole and channels != found.wavelengths.size else ""
+
+
+def _json(content: bytes, found: Any) -> str:
+    if "JSON" not in found.format:
+        return ""
+    entries = json.loads(content.decode("utf-8-sig", "replace"))
+    count = sum("reflectance" in entry for entry in entries)
+    return f"{count} spectra, {found!r}" if count != len(found) else ""
+
+
+def _envi_counts(content: bytes, found: Any) -> str:
+    text = content.decode("utf-8", "replace").lower()
+    sizes = {}
+    for title in ("samples", "lines", "bands"):
+        numbers = re.findall(rf"^\s*{title}\s*=\s*(\d+)\s*$", text, re.MULTILINE)
+        if len(numbers) != 1:
+            return ""
+        sizes[title] = int(numbers[0])
+    if any("left out" in note for note in found.notes):
+        return ""
+    if isinstance(found, SpectraTable):
+        rows = len(found)
+        right = rows * found.wavelengths.size == sizes["samples"] * sizes["lines"] * sizes["bands"]
+    else:
+        right = found.shape == (sizes["lines"], sizes["samples"], sizes["bands"])
+    return "" if right else f"{sizes}, {found!r}"
+
+
+def _pigments(content: bytes, found: Any) -> str:
+    lines = content.decode("utf-8-sig").splitlines()
+    below = sum(bool(line.strip()) and not line.startswith("#") for line in lines) - 1
+    held = sum(np.size(pigment.wavelengths) for pigment in found.values())
+    return "" if below == held else f"{below} lines, {held} wavelengths"

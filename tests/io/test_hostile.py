@@ -1,0 +1,357 @@
+"""Files that mean harm or have come to it: each reader gives a table or one sentence, soon and in little room."""
+
+import contextlib
+import errno
+import io
+import json
+import os
+import random
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from glazefit.film.readers import read_films, read_names
+from glazejax.appearance.scene.file import read_scene
+from glazejax.appearance.scene.file_materials import read_grey
+from glazejax.appearance.scene.lights import measured_lamp
+from glazejax.commands import main as cli
+from glazejax.io import SpectraTable, read_cube, read_sample, read_spectra, source, write_spectra
+from glazejax.paint.pigment_table import read_pigments
+
+from .hostile import SCENE, damaged, outcome, subjects
+from .samples import CGATS, CXF, ENVI, GRID, complains, jcamp_block, spectra
+
+READERS = [
+    read_spectra,
+    read_cube,
+    read_films,
+    read_names,
+    read_pigments,
+    read_scene,
+    read_grey,
+    lambda path: measured_lamp(path, GRID),
+    lambda path: read_sample(str(path)),
+]
+WIDE = "Name,400,410,420\nred,0.1,0.2,0.3\nblue,0.4,0.5,0.6\n"
+SUBJECTS = subjects()
+CONTENTS = [subject.content for subject in SUBJECTS.values()]
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("damaged")
+
+
+@pytest.mark.parametrize("kind", SUBJECTS)
+def test_samples_are_legal(tmp_path, kind):
+    subject = SUBJECTS[kind]
+    for name, content in subject.beside.items():
+        (tmp_path / name).write_bytes(content)
+    assert outcome(subject, tmp_path, subject.content)
+
+
+@settings(max_examples=400)
+@given(st.sampled_from(list(SUBJECTS)), st.integers(0, 2**32))
+def test_damaged_files_of_every_kind_never_surprise(folder, kind, seed):
+    subject = SUBJECTS[kind]
+    for name, content in subject.beside.items():
+        (folder / name).write_bytes(content)
+    outcome(subject, folder, damaged(subject.content, CONTENTS, random.Random(seed)))
+
+
+@pytest.mark.parametrize("reader", READERS)
+def test_no_reader_takes_a_name_that_cannot_be_or_a_device(tmp_path, reader):
+    start = time.perf_counter()
+    for path in (tmp_path / ("n" * 300), tmp_path / "a\0b", tmp_path / "none", Path("/dev/zero"), tmp_path):
+        with pytest.raises((ValueError, OSError)) as caught:
+            reader(path)
+        assert len(str(caught.value).splitlines()) == 1
+        assert path.name[:9] in repr(str(caught.value)) or "\0" in path.name
+    assert time.perf_counter() - start < 5
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
+@pytest.mark.parametrize("reader", READERS)
+def test_a_pipe_that_nobody_writes_into_is_given_up(tmp_path, monkeypatch, reader):
+    monkeypatch.setattr(source, "NOBODY", 0.1)
+    pipe = tmp_path / "pipe.csv"
+    os.mkfifo(pipe)
+    start = time.perf_counter()
+    with pytest.raises(ValueError, match="pipe") as caught:
+        reader(pipe)
+    assert complains(caught, pipe)
+    assert time.perf_counter() - start < 10
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
+def test_a_writer_that_says_nothing_is_given_up(tmp_path, monkeypatch):
+    monkeypatch.setattr(source, "SILENCE", 0.1)
+    pipe = tmp_path / "pipe.csv"
+    os.mkfifo(pipe)
+    with pipe.open("r+b", buffering=0), pytest.raises(ValueError, match="nothing came through this pipe"):
+        read_spectra(pipe)
+
+
+def fill(pipe, content):
+    """Write into a pipe, slowly, until nobody reads any more."""
+    with contextlib.suppress(BrokenPipeError), pipe.open("wb") as file:
+        for i in range(0, len(content), 30_000):
+            file.write(content[i : i + 30_000])
+            file.flush()
+            time.sleep(0.01)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
+@pytest.mark.parametrize("kind", [kind for kind in SUBJECTS if not SUBJECTS[kind].beside and "ickness" not in kind])
+def test_pipes_read_as_files_do(tmp_path, kind):
+    subject = SUBJECTS[kind]
+    path, pipe = tmp_path / subject.name, tmp_path / f"pipe_{subject.name}"
+    path.write_bytes(subject.content)
+    os.mkfifo(pipe)
+    writer = threading.Thread(target=fill, args=(pipe, subject.content), daemon=True)
+    writer.start()
+    found = subject.read(pipe)
+    writer.join(10)
+    if isinstance(found, SpectraTable):
+        np.testing.assert_array_equal(found.reflectance, subject.read(path).reflectance)
+        # An ASD file without a comment is called as its file is.
+        assert found.names == subject.read(path).names
+
+
+@pytest.mark.skipif(not Path("/dev/stdin").exists(), reason="no /dev/stdin here")
+@pytest.mark.parametrize("name", ["/dev/stdin", "<(cat -)"])
+def test_the_command_reads_what_is_piped(tmp_path, name):
+    lines = "".join(f"s{i},0.1,0.25,0.3\n" for i in range(5000))  # more than a pipe holds
+    command = f'"{sys.executable}" -c "from glazejax.commands.main import main; main()" convert {name} out.csv'
+    text = (WIDE + lines).encode()
+    done = subprocess.run(["bash", "-c", command], input=text, cwd=tmp_path, capture_output=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert len(read_spectra(tmp_path / "out.csv")) == 5002
+
+
+class Failing:
+    """A disk that fails after so many bytes."""
+
+    def __init__(self, after):
+        self.left, self.read = after, os.read
+
+    def __call__(self, descriptor, count):
+        if self.left <= 0:
+            raise OSError(errno.EIO, os.strerror(errno.EIO))
+        piece = self.read(descriptor, min(count, self.left))
+        self.left -= len(piece)
+        return piece
+
+
+@pytest.mark.parametrize("kind", SUBJECTS)
+def test_a_failing_disk_is_one_sentence(tmp_path, monkeypatch, kind):
+    subject = SUBJECTS[kind]
+    for name, content in subject.beside.items():
+        (tmp_path / name).write_bytes(content)
+    path = tmp_path / subject.name
+    path.write_bytes(subject.content)
+    monkeypatch.setattr(os, "read", Failing(10))
+    with pytest.raises(OSError, match=r"cannot be read: Input/output error") as caught:
+        subject.read(path)
+    assert complains(caught, path)
+
+
+def test_errors_of_the_system_are_one_line_of_the_command(tmp_path, monkeypatch, capsys):
+    def refuse(*_):
+        raise OSError(errno.EIO, "Input/output error", "disk")
+
+    for arguments in (["convert", "n" * 300, "out.csv"], ["convert", str(tmp_path / "t.csv"), "n" * 300 + ".csv"]):
+        (tmp_path / "t.csv").write_text(WIDE)
+        monkeypatch.setattr(sys, "argv", ["glazejax", *arguments])
+        with pytest.raises(SystemExit) as ended:
+            cli.main()
+        assert ended.value.code == 2
+        said = capsys.readouterr().err
+        assert said.startswith("error: ")
+        assert "too long" in said
+        assert len(said.splitlines()) == 1
+    monkeypatch.setattr(cli, "make_app", refuse)
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert (ended.value.code, capsys.readouterr().err) == (2, "error: disk: Input/output error\n")
+
+
+def listing(value, reflectance="[0.1, 0.2]"):
+    return f'[{{"type": "wavelengths", "values": [400, {value}]}}, {{"name": "a", "reflectance": {reflectance}}}]'
+
+
+PACKED = jcamp_block(form="DIFDUP")
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "complaint"),
+    [
+        ("t.json", listing("4" * 1000), "'wavelengths': number 2 has 1000 digits, too large"),
+        ("t.json", listing("4" * 5000), "a number of thousands of digits"),
+        ("t.json", listing("410", "[0.1, " + "4" * 1000 + "]"), "'a': number 2 has 1000 digits"),
+        ("t.json", "[" * 100_000, "nested too deeply"),
+        ("t.json", "[[" + "1," * 2_000_000 + "1]]", "more than 1500000 words"),
+        ("t.json", "[[" + " " * (17 << 20) + "]]", "larger than the 16 MB"),
+        ("t.dx", jcamp_block(form="XYDATA").replace("=31\n", "=400000000\n"), "promises 400000000 points and holds 31"),
+        ("t.dx", jcamp_block().replace("=31\n", "=400000000\n"), "promises 400000000 points and holds 31"),
+        ("t.dx", jcamp_block().replace("=31\n", "=30\n"), "promises 30 points and holds 31"),
+        ("t.dx", PACKED.replace("\n400", "\n400A%s99999999"), "are not an abscissa and ordinates"),
+        ("t.dx", jcamp_block(form="XYDATA").replace("\n520 ", "\n560 "), "line 16: 'red' is damaged: the line begins"),
+        ("t.dx", PACKED.replace("\n500", "\n500A1\n500"), "'red' is damaged: the line does not begin with"),
+        ("t.txt", CGATS.replace("FIELDS\t6", "FIELDS\t7"), "NUMBER_OF_FIELDS promises 7 fields, and there are 6"),
+        ("t.cxf", CXF.replace("<cc:CxF", '<!DOCTYPE a [<!ENTITY b "c">]><cc:CxF'), "it has a DOCTYPE"),
+        ("t.csv", "Name,400\n" + "a" * (5 << 20), "line 2: longer than 4 MB"),
+        ("t.csv", 'Name,400\n"' + "a" * 200_000, "line 2: field larger than .*; is a quotation mark left open"),
+        ("t.csv", "Name,400\n" + "a\x1b[31m\n", "line 2: 1 cells where"),
+        ("t.csv", WIDE + "x,0.1,0.2,0.3\n" * 2, "line 5: sample 'x' is already on line 4"),
+    ],
+)
+def test_hostile_files_end_in_one_sentence(tmp_path, name, content, complaint):
+    path = tmp_path / name
+    path.write_text(content)
+    start = time.perf_counter()
+    with pytest.raises(ValueError, match=complaint) as caught:
+        read_spectra(path)
+    assert complains(caught, path)
+    assert str(caught.value).isprintable()
+    assert len(str(caught.value)) < 1000
+    assert time.perf_counter() - start < 20
+
+
+@pytest.mark.parametrize(
+    ("fields", "size", "complaint"),
+    [
+        (
+            {"lines": 10**9, "samples": 31, "spectra names": None},
+            372,
+            "372 bytes where the header .* promises 124000000000",
+        ),
+        ({"lines": 10**9, "spectra names": None}, 4 * 31 * 10**9, "1000000000 spectra of 31 bands are too many"),
+        ({"lines": "9" * 1000}, 372, "promises"),
+        ({"lines": "9" * 5000}, 372, "'lines' is '9+', not a whole number"),
+        ({"lines": 2, "spectra names": None}, 372, "372 bytes where the header t.hdr promises 248: are its samples"),
+        ({"samples": 31, "bands": 31, "lines": 3}, 31 * 372, "a library of 31 bands|library of 31 bands"),
+        ({"file compression": 1}, 372, "'file compression', which is not understood"),
+        ({"data type": 7}, 372, "data type 7, byte order 0; known are 1, 2"),
+    ],
+)
+def test_headers_that_promise_what_is_not_there(tmp_path, fields, size, complaint):
+    fields = {**ENVI, **fields}
+    lines = [f"{title} = {text}" for title, text in fields.items() if text is not None]
+    (tmp_path / "t.hdr").write_text("\n".join(["ENVI", *lines, ""]))
+    with (tmp_path / "t.sli").open("wb") as file:
+        file.truncate(size)  # a sparse file, whatever its size
+    with pytest.raises(ValueError, match=complaint) as caught:
+        read_spectra(tmp_path / "t.hdr")
+    assert complains(caught, tmp_path / "t")
+
+
+@pytest.mark.parametrize(
+    ("content", "complaint"),
+    [
+        (SCENE.replace("width = 12", "width = " + "9" * 1000), "width: holds a number of too many digits"),
+        (SCENE.replace("width = 12", "width = 0x" + "f" * 5000), "width: holds a number of too many digits"),
+        (SCENE.replace("[0, 0, 1]", "[0, 0, 1" + "0" * 999 + "]"), "centre: holds a number of too many digits"),
+        ("x = " + "9" * 5000, "not a legal TOML file"),
+        ("x = " + "[" * 9000, "nested too deeply|not a legal TOML"),
+        ("a." * 9000 + "b = 1", "line 1: more than 10000 characters"),
+        ("#" * (2 << 20), "larger than the 1 MB"),
+    ],
+)
+def test_hostile_scenes(tmp_path, content, complaint):
+    path = tmp_path / "t.toml"
+    path.write_text(content)
+    for name, beside in SUBJECTS["scene"].beside.items():
+        (tmp_path / name).write_bytes(beside)
+    with pytest.raises(ValueError, match=complaint) as caught:
+        read_scene(path)
+    assert complains(caught, path)
+
+
+def test_hostile_maps(tmp_path):
+    from PIL import Image
+
+    array = io.BytesIO()
+    np.save(array, np.zeros((3, 4)))
+    path = tmp_path / "t.npy"
+    path.write_bytes(array.getvalue().replace(b"(3, 4), ", b"(3000000000000, 4), "[:8]).replace(b"(3, 4)", b"(3, 9)"))
+    with pytest.raises(ValueError, match="not an array that can be read"):
+        read_grey(path)
+    np.save(path, np.zeros((0, 4)))
+    with pytest.raises(ValueError, match="must hold finite numbers"):
+        read_grey(path)
+    path = tmp_path / "t.png"
+    Image.new("L", (6000, 6000)).save(path)  # some kilobytes
+    with pytest.raises(ValueError, match="6000 x 6000 pixels are too many"):
+        read_grey(path)
+    Image.new("I;16", (4, 4), 60_000).save(path)
+    assert read_grey(path).max() <= 1
+
+
+def test_progress_is_told(tmp_path):
+    path, told = tmp_path / "t.csv", []
+    path.write_text(WIDE + "".join(f"s{i},0.1,0.25,0.3\n" for i in range(100_000)))
+    read_spectra(path, progress=lambda done, size: told.append((done, size)))
+    assert told[-1] == (path.stat().st_size, path.stat().st_size)
+    assert len(told) > 2
+    assert [done for done, _ in told] == sorted(done for done, _ in told)
+
+
+@pytest.mark.parametrize("layout", ["wide", "long", "longest"])
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
+def test_pieces_do_not_show(tmp_path, monkeypatch, layout, end):
+    monkeypatch.setattr(source, "HEAD", 1000)
+    monkeypatch.setattr(source, "_PIECE", 7)
+    values, names = spectra(5), ["réd", "b", "c", "日本", "e"]
+    if layout == "wide":
+        lines = ["Name," + ",".join(f"{w:g}" for w in GRID)]
+        lines += [name + "," + ",".join(map(repr, row)) for name, row in zip(names, values.tolist(), strict=True)]
+    elif layout == "long":
+        lines = ["nm," + ",".join(names)]
+        lines += [f"{w:g}," + ",".join(map(repr, row)) for w, row in zip(GRID, values.T.tolist(), strict=True)]
+    else:
+        lines = ["name,wavelength,value"]
+        for name, row in zip(names, values.tolist(), strict=True):
+            lines += [f"{name},{w:g},{value!r}" for w, value in zip(GRID, row, strict=True)]
+    (tmp_path / "t.csv").write_bytes(end.join(["\ufeff" + lines[0], *lines[1:]]).encode())
+    table = read_spectra(tmp_path / "t.csv")
+    assert table.names == tuple(names)
+    np.testing.assert_array_equal(table.reflectance, values)
+
+
+PEAK = """
+import resource, sys
+from glazejax.io import read_spectra
+from glazejax.io.formats import table
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+print(len(read_spectra(sys.argv[1])), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
+"""
+
+
+@pytest.mark.parametrize("megabytes", [6, pytest.param(60, marks=pytest.mark.slow)])
+def test_large_tables_take_their_size_and_little_more(tmp_path, megabytes):
+    path, count = tmp_path / "big.csv", megabytes * 4000
+    row = "," + ",".join(f"{value:.4f}" for value in spectra(1, np.arange(380.0, 781.0, 10.0))[0]) + "\n"
+    with path.open("w") as file:
+        file.write("Name," + ",".join(map(str, range(380, 781, 10))) + "\n")
+        file.writelines(f"sample {i}{row}" for i in range(count))
+    done = subprocess.run([sys.executable, "-c", PEAK, path], capture_output=True, text=True, check=True, timeout=600)
+    rows, kilobytes = map(int, done.stdout.split())
+    assert rows == count
+    # 8 bytes a value and 80 a name, and some pieces at work.
+    assert kilobytes * 1024 < count * (41 * 8 + 120) + (24 << 20) < path.stat().st_size + (200 << 20)
+
+
+def test_tables_are_written_in_pieces(tmp_path):
+    table = SpectraTable(GRID, tuple(f"s{i}" for i in range(20_000)), np.tile(spectra(), (6667, 1))[:20_000])
+    for name in ("t.csv", "t.hdr"):
+        write_spectra(table, tmp_path / name)
+        np.testing.assert_array_equal(read_spectra(tmp_path / name).reflectance, table.reflectance)
+    assert json.dumps(read_spectra(tmp_path / "t.csv").names[-1]) == '"s19999"'
