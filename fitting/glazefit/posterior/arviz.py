@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from glazejax.extras import require
+
 if TYPE_CHECKING:
     from .posterior import Posterior
 
@@ -18,6 +20,7 @@ _SPECTRA = 400
 
 def load_arviz() -> Any:
     """ArviZ, without the announcement of its next version."""
+    require("arviz")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FutureWarning)
         import arviz

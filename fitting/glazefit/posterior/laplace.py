@@ -20,6 +20,7 @@ from jaxtyping import Array, Float
 from scipy.special import logsumexp
 
 from ..film.least_squares import GramSchmidt
+from .arviz import load_arviz
 from .problem import Problem
 
 TRUSTED_TAIL = 0.7
@@ -197,11 +198,7 @@ def _weighted(
     problem: Problem, gaussian: Laplace, draws: int, seed: int
 ) -> tuple[Float[np.ndarray, "blocks"], Float[np.ndarray, "draws blocks dims"]]:
     """Pareto index of the importance weights of draws from the Gaussians, and the draws taken again by weight."""
-    with warnings.catch_warnings():
-        # ArviZ announces its next version at import.
-        warnings.simplefilter("ignore", FutureWarning)
-        from arviz import psislw
-
+    psislw = load_arviz().psislw
     rng = np.random.default_rng(seed + 1)
     free = gaussian.draws(draws, rng)
     log_weights = problem.log_probability(free) - gaussian.log_density(free)

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from ...extras import require
 from ...paint.describe import format_length, make_media, name_paints, parse_layers
 from ...paint.media import MAX_THICKNESS, Glaze, Layer
 from ...spectra import describe_grid, resample
@@ -112,6 +113,7 @@ def read_grey(path: Path) -> Float[np.ndarray, "h w"]:
         if values.min() < 0 or values.max() > 1:
             raise ValueError(f"{path} must hold 0 to 1, not {values.min():g} to {values.max():g}")
         return values.astype(float)
+    require("matplotlib")
     from matplotlib.image import imread
 
     try:
