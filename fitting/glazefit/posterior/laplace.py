@@ -19,8 +19,9 @@ import optimistix as optx
 from jaxtyping import Array, Float
 from scipy.special import logsumexp
 
+from glazejax.extras import require
+
 from ..film.least_squares import GramSchmidt
-from .arviz import load_arviz
 from .problem import Problem
 
 TRUSTED_TAIL = 0.7
@@ -198,7 +199,12 @@ def _weighted(
     problem: Problem, gaussian: Laplace, draws: int, seed: int
 ) -> tuple[Float[np.ndarray, "blocks"], Float[np.ndarray, "draws blocks dims"]]:
     """Pareto index of the importance weights of draws from the Gaussians, and the draws taken again by weight."""
-    psislw = load_arviz().psislw
+    with warnings.catch_warnings():
+        # ArviZ announces its next version at import.
+        warnings.simplefilter("ignore", FutureWarning)
+        require("arviz")
+        from arviz import psislw
+
     rng = np.random.default_rng(seed + 1)
     free = gaussian.draws(draws, rng)
     log_weights = problem.log_probability(free) - gaussian.log_density(free)
