@@ -15,6 +15,7 @@ _EXTRAS = {
     "trimesh": ("trimesh", "scene"),
     "embreex": ("embreex", "scene"),
     "OpenEXR": ("OpenEXR", "scene"),
+    "mitsuba": ("mitsuba", "benchmark"),
 }
 
 

@@ -3,7 +3,7 @@
 matplotlib is imported when the first one is drawn, and its global state stays as it is.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Generator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -39,7 +39,7 @@ _DPI = 110
 
 
 @contextmanager
-def style(more: Mapping[Any, Any] | None = None) -> Iterator[None]:
+def style(more: Mapping[Any, Any] | None = None) -> Generator[None]:
     """Draw in the style of all pictures; `more` are settings of matplotlib's own that come on top."""
     require("matplotlib")
     from matplotlib import rc_context
@@ -49,7 +49,7 @@ def style(more: Mapping[Any, Any] | None = None) -> Iterator[None]:
 
 
 @contextmanager
-def picture(path: str | Path, width: float, height: float, *, layout: Any = "constrained") -> "Iterator[Figure]":
+def picture(path: str | Path, width: float, height: float, *, layout: Any = "constrained") -> "Generator[Figure]":
     """An empty figure to draw on, inches; afterwards it is written in the format of the path's ending."""
     with style():
         from matplotlib.figure import Figure

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from glazejax.extras import require
+
 from ..film.reading import Reading
 from .problem import Problem
 
@@ -19,6 +21,7 @@ _SPECTRA = 400
 
 def load_arviz() -> Any:
     """ArviZ, without the announcement of its next version."""
+    require("arviz")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", FutureWarning)
         import arviz

@@ -24,6 +24,8 @@ import numpy as np
 from emcee.moves import Move
 from jaxtyping import Float
 
+from glazejax.extras import require
+
 from .problem import Problem
 
 ENOUGH_TIMES = 50.0
@@ -294,6 +296,7 @@ def _check(steps: int, thin: int, walkers: int, dims: int) -> None:
 
 def _backend(problem: Problem, path: Path, shape: tuple[int, int], thin: int, resume: bool, overwrite: bool) -> Any:
     """The file as emcee's backend, new or found again."""
+    require("h5py")
     import h5py
 
     if resume:

@@ -20,6 +20,8 @@ import optimistix as optx
 from jaxtyping import Array, Bool, Float, Int
 from scipy.special import logsumexp
 
+from glazejax.extras import require
+
 from ..film.least_squares import GramSchmidt
 from .problem import Problem
 
@@ -214,6 +216,7 @@ def _weighted(
     with warnings.catch_warnings():
         # ArviZ announces its next version at import.
         warnings.simplefilter("ignore", FutureWarning)
+        require("arviz")
         from arviz import psislw
 
     rng = np.random.default_rng(seed + 1)

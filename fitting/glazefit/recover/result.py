@@ -71,9 +71,11 @@ def delta_e_over_cards(
     """CIEDE2000 between spectra over black and over white, (..., bands) each, and others of such films."""
     from glazejax.colour import delta_e_of_spectra
 
-    seen_by = {"illuminant": illuminant, "observer": observer}
-    pairs = zip(found, wanted, strict=True)
-    return np.stack([delta_e_of_spectra(wavelengths, *pair, **seen_by) for pair in pairs], axis=-1)
+    each = [
+        delta_e_of_spectra(wavelengths, *pair, illuminant=illuminant, observer=observer)
+        for pair in zip(found, wanted, strict=True)
+    ]
+    return np.stack(each, axis=-1)
 
 
 @dataclass(frozen=True)

@@ -48,7 +48,7 @@ def stacked(phases: Sequence[Float[Array, "*batch terms"] | None]) -> Float[Arra
     return xp.stack(xp.broadcast_arrays(*each), axis=-2)
 
 
-def _module(*arrays) -> ModuleType:
+def _module(*arrays: Array | np.ndarray) -> ModuleType:
     """numpy for what is known, so that it stays known under jit: how many moments count is read from it."""
     return np if all(concrete(a) is not None for a in arrays) else jnp
 

@@ -4,7 +4,14 @@ import sys
 
 from . import path
 
-try:
-    print(path(*sys.argv[1:2]))
-except ValueError as error:
-    sys.exit(str(error))
+
+def main() -> None:
+    """Print the path of the file that the command line names."""
+    try:
+        print(path(*sys.argv[1:2]))
+    except ValueError as error:
+        sys.exit(str(error))
+
+
+if __name__ == "__main__":
+    main()

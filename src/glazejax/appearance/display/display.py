@@ -74,7 +74,10 @@ class Display:
             raise ValueError(f"chromaticity y and luminance of each primary must be positive, not {xy[:, 1]} and {top}")
         if levels < 1:
             raise ValueError(f"levels is {levels}; it is the highest digital level, such as 255")
-        self.chromaticities, self.luminances, self.levels, self.name = xy, top, int(levels), name
+        self.chromaticities: np.ndarray = xy
+        self.luminances: np.ndarray = top
+        self.levels: int = int(levels)
+        self.name: str = name
         x, y = xy.T
         # Column by column XYZ of a primary of luminance 1. Paper B prints 1/y in the second row; it is 1.
         primaries = np.stack([x / y, np.ones(3), (1.0 - x - y) / y])
@@ -83,7 +86,9 @@ class Display:
         curves = tone if isinstance(tone, tuple) else (tone,) * 3
         if len(curves) != 3:
             raise ValueError(f"{len(curves)} tone curves were given; a display has one for all or 3")
-        self.tones = tuple(c if isinstance(c, ToneCurve) else ToneCurve.from_gamma(c, levels) for c in curves)
+        self.tones: tuple[ToneCurve, ...] = tuple(
+            c if isinstance(c, ToneCurve) else ToneCurve.from_gamma(c, levels) for c in curves
+        )
         self._to_xyz = primaries * top
         self._to_light = np.linalg.inv(self._to_xyz)
 

@@ -35,7 +35,7 @@ class ToneCurve:
     levels: Float[np.ndarray, "knots"]
     lights: Float[np.ndarray, "knots"]
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         """Check the knots, and scale the light."""
         x, y = np.array(self.levels, float), np.array(self.lights, float)
         if x.ndim != 1 or x.shape != y.shape or x.size < 2:

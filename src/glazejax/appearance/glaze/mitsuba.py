@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from ...extras import require
 from ...io.outputs import check_output
 from ...paint.media import Glaze
 from ...spectra import Grid, validate_wavelengths
@@ -179,6 +180,7 @@ def reflectance_in_mitsuba(
         cos_light, cos_view: cosines of the two angles.
         azimuth: between them, radians.
     """
+    require("mitsuba")
     import mitsuba as mi  # pyright: ignore[reportMissingImports]
 
     loaded: Any = mi.load_dict(bsdf)

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from ...extras import require
 from ...io.source import opened, refusal, shown
 from ...paint.describe import format_length, make_media, name_paints, parse_layers
 from ...paint.media import MAX_THICKNESS, Glaze, Layer
@@ -123,6 +124,7 @@ def read_grey(path: Path) -> Float[np.ndarray, "h w"]:
         if values.min() < 0 or values.max() > 1:
             raise refusal(path, f"must hold 0 to 1, not {values.min():g} to {values.max():g}")
         return values
+    require("matplotlib")
     from matplotlib.image import imread
     from PIL import Image
 

@@ -27,7 +27,9 @@ class TomlTable:
     """
 
     def __init__(self, file: str, name: str, content: Mapping[str, Any], outer: "TomlTable | None" = None):
-        self.file, self.name, self._content = file, name, content
+        self.file: str = file
+        self.name: str = name
+        self._content = content
         self.notes: list[str] = [] if outer is None else outer.notes
         self._used: list[str] = []
 

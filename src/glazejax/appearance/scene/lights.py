@@ -28,7 +28,7 @@ class ParallelLight:
     direction: Numbers
     spectrum: Numbers
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         vector("direction", self.direction, direction=True)
 
 
@@ -44,7 +44,7 @@ class PointLight:
     position: Numbers
     spectrum: Numbers
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         vector("position", self.position)
 
 

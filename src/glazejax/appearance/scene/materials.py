@@ -164,7 +164,7 @@ class Conductor(Material):
     extinction: Float[Array, "..."] = eqx.field(converter=as_float_array)
     roughness: float = eqx.field(static=True, default=0.0)
 
-    def __check_init__(self):
+    def __check_init__(self) -> None:
         if not 0 <= self.roughness < 60:
             raise ValueError(f"roughness must be 0 (polished) to 60 degrees, not {self.roughness:g}")
 

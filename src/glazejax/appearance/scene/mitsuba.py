@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from ...extras import require
 from ...spectra import Numbers
 from ..glaze.mitsuba import export_glaze
 from .intersect import plane_frame, rotation
@@ -51,6 +52,7 @@ def mitsuba_scene(
     folder = Path(folder)
     if not folder.is_dir():
         raise FileNotFoundError(f"the folder {folder} for tables and meshes does not exist")
+    require("mitsuba")
     import mitsuba as mi  # pyright: ignore[reportMissingImports]
 
     grid = np.asarray(scene.wavelengths, float)
@@ -166,6 +168,7 @@ def _numbers(values: Numbers) -> list[float]:
 
 def _placed(axes: Float[np.ndarray, "3 3"], point: Numbers) -> Any:
     """Transform with the axes as columns and a point as origin."""
+    require("mitsuba")
     import mitsuba as mi  # pyright: ignore[reportMissingImports]
 
     matrix = np.eye(4)

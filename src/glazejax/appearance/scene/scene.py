@@ -41,7 +41,7 @@ class Camera:
     up: Numbers = (0.0, 0.0, 1.0)
     field_of_view: float = 40.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         look = vector("target", self.target) - vector("position", self.position)
         if np.linalg.norm(look) == 0:
             raise ValueError(f"the camera's target {self.target} is its position")
@@ -89,7 +89,7 @@ class Scene:
     antialias: int = 4
     bounces: int = 3
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         bands = validate_wavelengths(self.wavelengths).size
         for name, low, high in (("width", 1, 20000), ("height", 1, 20000), ("antialias", 1, 16), ("bounces", 0, 20)):
             value = getattr(self, name)

@@ -19,7 +19,7 @@ class MaterialsInView:
     """Materials in view, and the cosines and thicknesses at which they are seen."""
 
     def __init__(self, materials: Sequence[Material]):
-        self.materials = list(materials)
+        self.materials: list[Material] = list(materials)
         self._light: dict[int, tuple[float, float]] = {}
         self._view: dict[int, tuple[float, float]] = {}
         self._rays, self._samples = 0, 0

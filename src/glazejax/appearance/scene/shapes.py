@@ -53,7 +53,7 @@ class Sphere:
     centre: Numbers = (0.0, 0.0, 0.0)
     radius: float = 1.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         vector("centre", self.centre)
         positive("radius", self.radius)
 
@@ -79,7 +79,7 @@ class Plane:
     size: Sequence[float] | None = None
     up: Numbers = (0.0, 0.0, 1.0)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         vector("point", self.point)
         vector("normal", self.normal, direction=True)
         vector("up", self.up, direction=True)
@@ -109,7 +109,7 @@ class Box:
     size: Numbers = (1.0, 1.0, 1.0)
     rotation: Numbers = (0.0, 0.0, 0.0)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         vector("centre", self.centre)
         vector("rotation", self.rotation)
         for value in vector("size", self.size):
@@ -137,7 +137,7 @@ class Mesh:
     normals: Float[np.ndarray, "vertices 3"] | None = None
     uv: Float[np.ndarray, "vertices 2"] | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         vertices, faces = np.asarray(self.vertices), np.asarray(self.faces)
         if vertices.ndim != 2 or vertices.shape[1] != 3 or not np.all(np.isfinite(vertices)):
             raise ValueError(f"vertices must be finite points (vertices, 3), not of shape {vertices.shape}")

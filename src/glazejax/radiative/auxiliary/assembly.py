@@ -6,12 +6,12 @@ over the directions. `decomposed` makes the same matrix from Q numbers of H and 
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, PyTree
+from jaxtyping import Array, Float, Int
 
 from ..common.exponential_integrals import cone_nodes, expn
 from ..common.quadrature import gauss
@@ -154,7 +154,7 @@ def _reflected(power: int, start: Array, step: Array, terms: int, refractive_ind
     return cone + critical**power * expn(power + 1, depth / critical)
 
 
-def computed_once(function: Callable[[], PyTree], positive: Array) -> PyTree:
+def computed_once(function: Callable[[], Any], positive: Array) -> Any:
     """function(), kept apart from what uses it: XLA would compile a series of 50 terms into each of Q^2 uses.
 
     A barrier does not hold on the CPU, a branch does. ``positive`` holds positive numbers.

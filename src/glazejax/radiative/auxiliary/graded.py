@@ -104,7 +104,7 @@ def _system(panels: Panels, light: Stack) -> CollocatedSystem:
     constant += 2.0 * open_share[:, None] * ground_to_node * jnp.sum(node_to_ground, axis=-1, keepdims=True)
     kernel += (constant - jnp.sum(kernel, axis=-1))[..., None] * np.eye(size, dtype=dtype)
     q = albedo.reshape(batch, size)
-    matrix = np.eye(size, dtype=dtype) - 0.5 * kernel * q[:, None, :]
+    matrix = jnp.asarray(np.eye(size, dtype=dtype)) - 0.5 * kernel * q[:, None, :]
     # The beam, and the way out.
     n = light.refractive_index
     rate = 1.0 / cos_refracted(light.cos_incidence, n)

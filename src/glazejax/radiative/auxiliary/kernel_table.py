@@ -40,6 +40,14 @@ class KernelTable:
         ValueError: an index outside [1, 2.5], a step that is not positive, or more than `MOST_SEGMENTS` segments.
     """
 
+    refractive_index: float
+    step: float
+    segments: int
+    e2: np.ndarray
+    e3: np.ndarray
+    j1: np.ndarray
+    j2: np.ndarray
+
     def __init__(self, refractive_index: float = 1.5, step: float = 0.01, segments: int = 0):
         if not (np.ndim(refractive_index) == 0 and 1.0 <= refractive_index <= 2.5):
             raise ValueError(f"refractive_index is {refractive_index}; a table is for one number in [1, 2.5]")
@@ -97,7 +105,7 @@ class KernelTable:
         """Numbers of U (eq. (25)): U_ij = hankel[i + j], i and j from zero."""
         return self.j1[:-1] - self.j1[1:]
 
-    def save(self, path: str | os.PathLike, *, overwrite: bool = False) -> Path:
+    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> Path:
         """Write the table to a file (NumPy's .npz).
 
         Raises:
@@ -119,7 +127,7 @@ class KernelTable:
         return path
 
     @classmethod
-    def load(cls, path: str | os.PathLike) -> Self:
+    def load(cls, path: str | os.PathLike[str]) -> Self:
         """Read a table that `save` wrote.
 
         Raises:

@@ -31,7 +31,6 @@ def exp1(x: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
     return expn(1, x)
 
 
-@functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
 def expn(order: int, x: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
     """Exponential integral E_n(x) for x >= 0.
 
@@ -43,6 +42,11 @@ def expn(order: int, x: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
         E_n(x), (...), relative error some 1e-15 in float64. At zero E_n = 1/(n - 1), infinite for n < 2; the slope
         of E_1 and E_2, infinite there, is that of the smallest positive number.
     """
+    return _expn(order, x)
+
+
+@functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
+def _expn(order: int, x: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
     x = _floating(x)
     tiny = _tiny(x)
     if order == 0:
@@ -61,7 +65,7 @@ def expn(order: int, x: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
     return jnp.where(small, below, jnp.exp(-beyond) * _clenshaw(far, t) / (beyond + order))
 
 
-@expn.defjvp
+@_expn.defjvp
 def _expn_jvp(order: int, primals, tangents):
     (x,), (dx,) = primals, tangents
     if order == 0:

@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 
-def array_module(*arrays) -> ModuleType:
+def array_module(*arrays: object) -> ModuleType:
     """`jax.numpy` if any of the arrays is a JAX array (or traced), else `numpy`."""
     return jnp if any(isinstance(a, jax.Array) for a in arrays) else np
 

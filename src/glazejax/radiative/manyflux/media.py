@@ -7,10 +7,10 @@ by its faces. In each piece the nodes are those of the medium in which its upper
 
 import functools
 import itertools
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Array, Bool, Float
 
 from ..common.quadrature import Directions, gauss, graded_gauss
 from .directions import scattered_sums
@@ -84,7 +84,7 @@ def in_medium(
     return mu, np.where(exists, common.flux / (index**2 * mu), 0.0), exists
 
 
-def interface_reflectance(upper, lower, cos_upper, cos_lower):
+def interface_reflectance(upper: Any, lower: Any, cos_upper: Any, cos_lower: Any) -> Array | np.ndarray:
     """Fresnel's reflectance for unpolarised light between two media, zero where their indices are equal.
 
     Args:

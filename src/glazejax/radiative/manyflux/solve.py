@@ -3,7 +3,7 @@
 Everything here is for one stack and is mapped over batches by `manyflux`.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -44,7 +44,14 @@ class DiscreteStack(NamedTuple):
 
 
 def discrete_stack(
-    layers: Layers, index, cos_viewing: Array, cos_incidence: Array, effort: Effort, modes: int, *, inside: bool = False
+    layers: Layers,
+    index: Any,
+    cos_viewing: Array,
+    cos_incidence: Array,
+    effort: Effort,
+    modes: int,
+    *,
+    inside: bool = False,
 ) -> DiscreteStack:
     """Directions and scattering; cosines are outside, those of viewing inside the paint if ``inside``."""
     dtype = layers.albedo.dtype

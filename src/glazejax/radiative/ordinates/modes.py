@@ -39,7 +39,7 @@ def _pole_differences(poles):
     return poles[..., :, None] - poles[..., None, :]
 
 
-def secular_offsets(albedo, poles, strengths, *, xp=jnp):
+def secular_offsets(albedo: Any, poles: Any, strengths: Any, *, xp: Any = jnp) -> Any:
     """Roots r_j of z_j^2/r_j + q sum_(i != j) z_i^2/(d_i - d_j + q r_j) = 1.
 
     Args:

@@ -1,0 +1,138 @@
+"""Without the packages of the extras the solver and its inverse work, and what does not says which extra it needs."""
+
+import os
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import glazejax
+from glazejax.extras import advice, require
+
+ROOT = Path(__file__).parents[1]
+EXTRAS = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
+OPTIONAL = {
+    "typer": "commands",
+    "rich": "commands",
+    "matplotlib": "plots",
+    "corner": "plots",
+    "colour_cxf": "formats",
+    "arviz": "arviz",
+    "h5py": "arviz",
+    "tqdm": "arviz",
+    "trimesh": "scene",
+    "embreex": "scene",
+    "OpenEXR": "scene",
+}
+
+_BLOCK = f"""
+import sys
+from importlib import metadata
+
+class Absent:
+    def find_spec(self, name, path=None, target=None):
+        if name.partition(".")[0] in {sorted(OPTIONAL)}:
+            raise ModuleNotFoundError(f"No module named {{name!r}}", name=name)
+
+def distribution(name, found=metadata.distribution):
+    if name.lower().replace("-", "_") in {sorted(name.lower() for name in OPTIONAL)}:
+        raise metadata.PackageNotFoundError(name)
+    return found(name)
+
+sys.meta_path.insert(0, Absent())
+metadata.distribution = distribution
+import jax
+jax.config.update("jax_enable_x64", True)
+"""
+
+_WORK = """
+import numpy as np
+import glazefit
+import glazejax
+
+for package in (glazejax, glazejax.appearance, glazejax.appearance.scene, glazejax.io, glazefit):
+    for name in package.__all__:
+        getattr(package, name)
+
+assert 0 < glazejax.stack_reflectance_factor(np.array([0.9, 0.5]), np.array([1.0, 0.3]), 0.8) < 1
+paints = glazejax.catalogue.load()
+blue, white = paints["CobaltBlue"], paints["ZincWhite"]
+glaze = glazejax.Glaze([glazejax.Layer(blue, 2e-6), glazejax.Layer(white, 10e-6)], 0.6)
+spectrum = np.asarray(glazejax.reflectance(glaze, glazejax.Hemispherical(8.0)))
+assert glazejax.colour.lab(blue.wavelengths, spectrum, illuminant="D65")[2] < -20
+
+grid = np.asarray(blue.wavelengths)
+pure = [25e-6 * np.asarray(getattr(white, what))[None] for what in ("absorption", "scattering")]
+films = glazefit.simulate_films(["white"], grid, *pure)
+found = glazefit.recover_films(films)
+told = found.identifiable[0]
+assert told.any()
+assert np.abs(found.scattering[0, told] / pure[1][0, told] - 1).max() < 0.5
+
+named = glazefit.identify(films.over_black, grid, [blue, white], grounds=None, max_paints=1)
+assert named.ranked(0)[0].paints == ("ZincWhite",)
+print("done")
+"""
+
+_MISSING = """
+import glazejax.colour
+import numpy as np
+
+glazejax.colour.colour_science()  # which puts an empty stand-in in the place of matplotlib
+from glazejax.appearance.scene.picture import save_png
+from glazefit.posterior.arviz import load_arviz
+
+for extra, call in (
+    ("plots", lambda: save_png("a.png", np.zeros((2, 2, 3), np.uint8))),
+    ("arviz", load_arviz),
+):
+    try:
+        call()
+    except ModuleNotFoundError as error:
+        assert f'pip install "glazejax[{extra}]"' in str(error), error
+    else:
+        raise AssertionError(extra)
+"""
+
+
+def run(code: str) -> subprocess.CompletedProcess[str]:
+    paths = os.pathsep.join([str(ROOT / "src"), str(ROOT / "fitting")])
+    environment = os.environ | {
+        "PYTHONPATH": paths,
+        "JAX_COMPILATION_CACHE_DIR": str(ROOT / ".pytest_cache" / "xla"),
+        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0.3",
+    }
+    return subprocess.run(
+        [sys.executable, "-c", _BLOCK + code], capture_output=True, text=True, check=False, env=environment
+    )
+
+
+def test_solver_and_inverse_need_no_extra():
+    done = run(_WORK)
+    assert done.stdout == "done\n", done.stderr
+
+
+def test_a_missing_extra_is_one_sentence():
+    done = run(_MISSING)
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize(("package", "extra"), OPTIONAL.items())
+def test_the_extra_that_is_named_brings_the_package(package, extra):
+    sentence = advice(f"{package}.part")
+    assert sentence is not None
+    assert f"glazejax[{extra}]" in sentence
+    assert any(entry.replace("-", "_").lower().startswith(package.lower()) for entry in EXTRAS[extra])
+    assert f"[{','.join(e for e in EXTRAS if e not in ('all', 'cuda', 'test', 'benchmark'))}]" in EXTRAS["all"][0]
+
+
+def test_what_no_extra_brings_has_no_advice():
+    assert advice("no_such_package") is None
+    assert advice(None) is None
+    require("rich", "matplotlib")
+
+
+def test_version_is_that_of_the_project():
+    assert glazejax.__version__ == tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["version"]
