@@ -53,7 +53,7 @@ class Source:
         head = bytearray()
         while len(head) < HEAD and (piece := self._read(HEAD - len(head))):
             head += piece
-        self.head = bytes(head)
+        self.head: bytes = bytes(head)
 
     def pieces(self) -> Iterator[bytes]:
         """The content, piece by piece."""

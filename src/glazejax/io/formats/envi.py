@@ -77,8 +77,8 @@ class EnviFile:
     """
 
     def __init__(self, source: Source, data: Path | None = None):
-        self.path = source.path
-        self.header = read_header(source)
+        self.path: Path = source.path
+        self.header: dict[str, str | list[str]] = read_header(source)
         self._sizes = {title: self._whole(title, 1) for title in ("lines", "samples", "bands")}
         self._offset = self._whole("header offset", 0)
         self._interleave = str(self.header["interleave"]).strip().lower()
@@ -96,7 +96,7 @@ class EnviFile:
             if any(entry.strip(" {}") not in ("", "0") for entry in _list(self.header, title)):
                 raise self.error(f"the ENVI header has {title!r}, which is not understood; save it without")
         self._dtype = np.dtype(("<", ">")[order] + kind)
-        self.data = data or self._data_beside()
+        self.data: Path = data or self._data_beside()
         needed = self._offset + prod(self._sizes.values()) * self._dtype.itemsize
         with opened(self.data) as found:
             size = found.size

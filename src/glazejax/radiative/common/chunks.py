@@ -5,10 +5,10 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, PyTree
+from jaxtyping import Array
 
 
-def in_chunks(function: Callable[[Any], PyTree], batch: Any, chunk: int) -> PyTree:
+def in_chunks(function: Callable[[Any], Any], batch: Any, chunk: int) -> Any:
     """Apply a function of a batch to at most ``chunk`` entries at a time.
 
     Unlike `jax.lax.map` with a batch size this compiles the function once: pieces are equal, and the last is filled up
