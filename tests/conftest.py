@@ -2,10 +2,14 @@
 
 import gc
 import os
+import resource
+import sys
 from pathlib import Path
 
-# Most of the suite's time is compilation. Fast code is for users; here it is compiled quickly instead.
-os.environ["XLA_FLAGS"] = os.environ.get("XLA_FLAGS", "") + " --xla_backend_optimization_level=0"
+# Most of the suite's time is compilation. Fast code is for users; here it is compiled quickly instead, unless the
+# programs that users run are what is to be tested.
+if os.environ.get("GLAZEJAX_TEST_OPTIMISED") != "1":
+    os.environ["XLA_FLAGS"] = os.environ.get("XLA_FLAGS", "") + " --xla_backend_optimization_level=0"
 
 import hypothesis
 import jax
@@ -51,3 +55,27 @@ def shared_data() -> Path:
 def shared_reference() -> Path:
     """Folder of values that other programs computed."""
     return _shared("GLAZEJAX_REFERENCE", "reference")
+
+
+def _peak_memory() -> float:
+    """Largest memory that this process has held, GB."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024) / 1e9
+
+
+def pytest_sessionfinish(session):
+    """A worker of xdist tells its peak memory to the process that prints the summary."""
+    if (output := getattr(session.config, "workeroutput", None)) is not None:
+        output["peak_memory"] = _peak_memory()
+
+
+_PEAKS: list[float] = []
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node, error):
+    if peak := getattr(node, "workeroutput", {}).get("peak_memory"):
+        _PEAKS.append(peak)
+
+
+def pytest_terminal_summary(terminalreporter):
+    terminalreporter.write_line(f"peak memory of a worker: {max(_PEAKS or [_peak_memory()]):.1f} GB")
