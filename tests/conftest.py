@@ -7,9 +7,9 @@ import resource
 import sys
 from pathlib import Path
 
-# Most of the suite's time and memory is compilation. Fast code is for users; here it is compiled quickly instead, unless
-# the programs that users run are what is to be tested. Without the emitters of fused loops compiling takes a quarter of
-# the time and memory.
+# Most of the suite's time and memory is compilation. Fast code is for users; here it is compiled quickly instead,
+# unless the programs that users run are what is to be tested. Without the emitters of fused loops compiling takes a
+# quarter of the time and memory.
 if os.environ.get("GLAZEJAX_TEST_OPTIMISED") != "1":
     quick = "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false"
     os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {quick} --xla_cpu_parallel_codegen_split_count=1"
@@ -22,7 +22,7 @@ jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_logging_level", "CRITICAL")  # XLA calls a program taken from the cache an error
 # Programs compiled by one worker or run serve the others.
 jax.config.update("jax_compilation_cache_dir", str(Path(__file__).parents[1] / ".pytest_cache" / "xla"))
-jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.3)
+jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
 hypothesis.settings.register_profile("glazejax", deadline=None, max_examples=50)
 hypothesis.settings.load_profile("glazejax")
 
