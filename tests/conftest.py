@@ -1,11 +1,18 @@
 """Double precision, hypothesis without deadlines (the first call compiles), and shared measured data."""
 
+import ctypes
 import gc
 import os
+import resource
+import sys
 from pathlib import Path
 
-# Most of the suite's time is compilation. Fast code is for users; here it is compiled quickly instead.
-os.environ["XLA_FLAGS"] = os.environ.get("XLA_FLAGS", "") + " --xla_backend_optimization_level=0"
+# Most of the suite's time and memory is compilation. Fast code is for users; here it is compiled quickly instead,
+# unless the programs that users run are what is to be tested. Without the emitters of fused loops compiling takes a
+# quarter of the time and memory.
+if os.environ.get("GLAZEJAX_TEST_OPTIMISED") != "1":
+    quick = "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false"
+    os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {quick} --xla_cpu_parallel_codegen_split_count=1"
 
 import hypothesis
 import jax
@@ -15,23 +22,34 @@ jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_logging_level", "CRITICAL")  # XLA calls a program taken from the cache an error
 # Programs compiled by one worker or run serve the others.
 jax.config.update("jax_compilation_cache_dir", str(Path(__file__).parents[1] / ".pytest_cache" / "xla"))
-jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.3)
+jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
 hypothesis.settings.register_profile("glazejax", deadline=None, max_examples=50)
 hypothesis.settings.load_profile("glazejax")
 
 
+# Tracing makes a million small objects; looking for circles among them less often saves a fifth of its time.
+gc.set_threshold(100_000, 20, 50)
+
 _MANY_MAPPINGS = 20_000
 """Of memory by one process; Linux allows 65530, and LLVM, which takes some for each program, crashes beyond."""
+_MUCH_MEMORY = 1.2e9
+"""Bytes held by one process between two modules; the heaviest tests take some .6e9 more."""
 
 
 @pytest.fixture(autouse=True, scope="module")
 def _programs_are_let_go():
-    """Throws compiled programs away before there are too many."""
+    """Throws compiled programs away before there are too many, or too large ones."""
     yield
-    mappings = Path("/proc/self/maps")
-    if mappings.exists() and len(mappings.read_bytes().splitlines()) > _MANY_MAPPINGS:
+    process = Path("/proc/self")
+    if not (process / "maps").exists():
+        return
+    mappings = len((process / "maps").read_bytes().splitlines())
+    memory = int((process / "statm").read_text().split()[1]) * resource.getpagesize()
+    if mappings > _MANY_MAPPINGS or memory > _MUCH_MEMORY:
         jax.clear_caches()
         gc.collect()
+        if hasattr(libc := ctypes.CDLL(None), "malloc_trim"):  # What glibc keeps of it goes back too.
+            libc.malloc_trim(0)
 
 
 def _shared(variable: str, folder: str) -> Path:
@@ -51,3 +69,27 @@ def shared_data() -> Path:
 def shared_reference() -> Path:
     """Folder of values that other programs computed."""
     return _shared("GLAZEJAX_REFERENCE", "reference")
+
+
+def _peak_memory() -> float:
+    """Largest memory that this process has held, GB."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024) / 1e9
+
+
+def pytest_sessionfinish(session):
+    """A worker of xdist tells its peak memory to the process that prints the summary."""
+    if (output := getattr(session.config, "workeroutput", None)) is not None:
+        output["peak_memory"] = _peak_memory()
+
+
+_PEAKS: list[float] = []
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_testnodedown(node, error):
+    if peak := getattr(node, "workeroutput", {}).get("peak_memory"):
+        _PEAKS.append(peak)
+
+
+def pytest_terminal_summary(terminalreporter):
+    terminalreporter.write_line(f"peak memory of a worker: {max(_PEAKS or [_peak_memory()]):.1f} GB")

@@ -26,6 +26,8 @@ from glazejax.radiative.common.fresnel import dielectric_reflectance
 
 from .scenes import scene
 
+pytestmark = pytest.mark.optimised
+
 
 @pytest.fixture(scope="module")
 def table():

@@ -9,6 +9,8 @@ import pytest
 from glazejax.radiative.common.phase import henyey_greenstein
 from glazejax.radiative.manyflux.reflectance import brdf_table
 
+pytestmark = pytest.mark.optimised
+
 ALBEDO = np.array([0.5, 0.5, 0.9, 0.9999, 0.99, 0.8])
 THICKNESS = np.array([0.01, 1.0, 100.0, 1.0, 10.0, 0.1])
 GROUND, INCIDENCE = 0.3, 0.6

@@ -14,6 +14,8 @@ from glazejax.radiative.manyflux.reflectance import (
 
 from .monte_carlo import Indexed, Paint, simulate, simulate_fluxes
 
+pytestmark = pytest.mark.optimised
+
 FORWARD = Paint(np.array([0.97, 0.9]), np.array([0.5, 2.0]), np.array([0.7, 0.3]), 0.6, 1.5)
 PAINTS = {
     "forward": FORWARD,

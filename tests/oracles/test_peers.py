@@ -10,6 +10,8 @@ from benchmarks.peers import Streams, Work, adding_doubling, cdisort, installed,
 
 import glazejax as gj
 
+pytestmark = pytest.mark.optimised
+
 # Pale and dark, thinner and thicker layers. What peers cannot do is left out: an albedo of one (PythonicDISORT), a
 # thickness of zero and the derivative by an albedo of zero (sasktran2), very thin layers (all converge slowly there).
 WORK = Work(

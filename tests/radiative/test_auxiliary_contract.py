@@ -16,6 +16,8 @@ from glazejax.radiative.common.fresnel import dielectric_reflectance
 
 from .cases import CENTRAL, EDGE_ALBEDO, EDGE_COSINE, EDGE_GROUND, EDGE_THICKNESS, random_cases, reference_cases
 
+pytestmark = pytest.mark.optimised
+
 
 def auxiliary(q, d, ground, *, hemispherical=False, **given: Any):
     if hemispherical:

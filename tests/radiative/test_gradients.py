@@ -11,6 +11,8 @@ from glazejax.radiative.common.fresnel import dielectric_reflectance
 
 from .cases import CENTRAL, FORWARD, LAYERS, random_cases, reference_cases
 
+pytestmark = pytest.mark.optimised
+
 
 def directional(cosines, hemispherical, tolerance=1e-8):
     """f(albedo, thickness, ground, index) at fixed directions."""

@@ -14,6 +14,8 @@ from glazejax.radiative.stack import split_hemispherical_reflectance, split_refl
 
 from .cases import random_cases, reference_cases
 
+pytestmark = pytest.mark.optimised
+
 
 def quick_or_slow(tolerance: float, index: float):
     """All tolerances at the usual index and all indices at the usual tolerance; the rest, slow."""

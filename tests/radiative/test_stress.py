@@ -29,6 +29,8 @@ from .cases import (
     reference_cases,
 )
 
+pytestmark = pytest.mark.optimised
+
 _value_and_gradient = jax.jit(
     jax.value_and_grad(
         lambda q, d, g, ci, cv: stack_reflectance_factor(
