@@ -55,7 +55,7 @@ def test_nothing_is_lost_without_absorption(index):
     flux = manyflux_hemispherical_reflectance(*stack, cos_incidence=cos, **given)
     assert flux.shape == (5, 3)
     np.testing.assert_allclose(flux + dielectric_reflectance(cos, index), np.ones((5, 3)), atol=1e-10)
-    # Even light loses what the surface reflects of it, twice the mean of R mu over the cosine: six directions see it to one per cent.
+    # Even light loses what the surface reflects of it, twice the mean of R mu; six directions see it to one per cent.
     nodes, weights = gauss(200)
     outer = 2.0 * weights @ (nodes * dielectric_reflectance(nodes, index))
     np.testing.assert_allclose(

@@ -61,7 +61,7 @@ def through_two_faces(cosines, upper: float, lower: float):
 
 
 def test_ground_below_faces_alone_is_the_closed_form():
-    """Clear layers of two indices on grey: T T' r/(n^2 (1 - r) + r t), with t the T of even light, n next to the ground.
+    """Clear layers of two indices on grey: T T' r/(n^2 (1 - r) + r t), with t the T of even light, n of the lower.
 
     Of what the ground sends out t/n^2 gets through the faces: the cone of refraction, whatever lies between. Nine
     directions give t to one per cent.

@@ -126,7 +126,7 @@ def test_bound_on_what_is_hidden_is_nearly_reached():
 
 
 def test_bound_on_what_is_scattered_again_is_nearly_reached():
-    """A thin layer that scatters little over white: nearly all that the closed form leaves out is what the bound counts.
+    """A thin layer that scatters little over white: what the closed form leaves out is more than half of the bound.
 
     The ground lights the layer from below and, mirrored by the surface, from above.
     """
