@@ -68,6 +68,25 @@ def test_pigment_resampled_with_everything_it_carries():
         pigment.resample([380, 400])
 
 
+@given(
+    st.lists(st.booleans(), min_size=2, max_size=7),
+    st.lists(st.floats(0.0, 1.0) | st.sampled_from([0.0, 0.5, 1.0]), min_size=1, max_size=9, unique=True),
+)
+def test_new_bands_are_identifiable_where_all_they_come_from_is(known, places):
+    old = 400.0 + 10.0 * np.arange(len(known))
+    new = np.unique(old[0] + np.array(places) * (old[-1] - old[0]))
+    one = np.ones(old.size)
+    found = Pigment("x", old, one, one, identifiable=np.array(known)).resample(new).identifiable
+    assert found is not None
+    for at, is_known in zip(new, found, strict=True):
+        # On an old band that band alone counts, between two both.
+        sources = [known[i] for i, w in enumerate(old) if w == at] or [
+            known[i] for i, w in enumerate(old) if abs(w - at) < 10.0
+        ]
+        assert is_known == all(sources)
+    assert Pigment("x", old, one, one).resample(new).identifiable is None
+
+
 @given(st.floats(0.0, 1.0))
 def test_mixture_is_linear(weight):
     mixture = Mixture([RED, BLUE], [weight, 1 - weight])

@@ -57,13 +57,15 @@ def test_patches_of_a_chart(run, tmp_path):
         "r.json",
         "--spectra",
         "s.csv",
+        "--out",
+        "found.png",
     ]
     status, out, _ = run(*words)
     assert status == 0
     assert "dark skin" in out
     assert "white 9.5" in out
     assert "of 2 targets within a ΔE00 of 1" in out
-    height, width, *_ = matplotlib.image.imread(tmp_path / "recipes.png").shape
+    height, width, *_ = matplotlib.image.imread(tmp_path / "found.png").shape
     assert min(height, width) > 300
 
     rows = list(csv.DictReader((tmp_path / "r.csv").read_text().splitlines()))
@@ -92,7 +94,7 @@ def test_patches_of_a_chart(run, tmp_path):
 
     status, _, err = run(*words)
     assert status == 2
-    assert "recipes.png exists" in err
+    assert "found.png exists" in err
 
 
 def test_an_interrupt_keeps_what_is_finished(run, monkeypatch):

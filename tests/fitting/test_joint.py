@@ -1,5 +1,7 @@
 """Joint recovery against films whose paints are known, and its linear solver against dense matrices."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import lineax as lx
@@ -18,6 +20,7 @@ from glazefit.recover.joint_problem import (
     Unknowns,
     curvature_matrix,
     heavy_tail,
+    readings,
     residuals,
 )
 from glazefit.recover.joint_solver import JointSteps, covariance, factorise, normal_matrix
@@ -110,6 +113,58 @@ def test_covariance_equals_the_dense_inverse(small, dense_jacobian):
         rows = slice(6 * band, 6 * band + 6)
         np.testing.assert_allclose(local[band], inverse[rows, rows], rtol=1e-6, atol=1e-10)
     np.testing.assert_allclose(shared, inverse[count:, count:], rtol=1e-6, atol=1e-10)
+
+
+def test_gloss_and_weights_of_a_film_reach_its_reading(small):
+    """A gloss scales the surface's part alone; an error of weight is another recipe; a prior counts in its own units."""
+    problem, response, point = small
+    read = jax.jit(readings)
+    before = np.asarray(read(point, problem, response))
+    film, more = 3, 0.4
+    glossy = np.asarray(read(point._replace(films=point.films.at[film, 1].add(more)), problem, response))
+    one = problem.shares[film] @ point.paints[:, 0] + point.films[film, 1]
+    added = float(problem.surface * (np.exp(one + more) - np.exp(one)))
+    expected = np.zeros_like(before)
+    expected[:, film] = added
+    np.testing.assert_allclose(glossy - before, expected, atol=1e-12)
+
+    # The film's own errors of weight, all its minor parts: the same as weights that are so much larger.
+    wrong = read(point._replace(films=point.films.at[film, 2:].add(more)), problem, response)
+    minor = problem.minor[film].sum(axis=0)
+    assert float(minor.sum()) == float((problem.shares[film] > 0).sum() - 1)
+    other = problem._replace(shares=problem.shares.at[film].multiply(jnp.exp(more * minor)))
+    # The gloss of paints goes by the recipe as stated.
+    stated = point._replace(
+        films=point.films.at[film, 1].add((problem.shares - other.shares)[film] @ point.paints[:, 0])
+    )
+    np.testing.assert_allclose(wrong, read(stated, other, response), atol=1e-12)
+    assert np.abs(np.asarray(wrong) - before)[:, film].max() > 1e-3
+
+    at_scale = point._replace(films=problem.film_scale, paints=problem.paint_mean + problem.paint_scale)
+    off = residuals(at_scale, (problem, response))
+    np.testing.assert_allclose(off.films[:, :2], 1.0)
+    np.testing.assert_allclose(off.paints, 1.0)
+    freedom = float(problem.tail)
+    used = np.asarray(problem.minor).any(axis=2)
+    np.testing.assert_allclose(np.asarray(off.films)[:, 2:][used] ** 2, (freedom + 1) * np.log1p(1 / freedom))
+
+
+def test_a_film_of_its_own_gloss_and_a_wrong_weight_are_found():
+    """One film is a tenth less glossy than its paint, one recipe is off by a tenth: the joint fit says which and how."""
+    films = painted(np.ones(6), Noise())
+    dull, wrong = 1, 2
+    less = 0.1 * Instrument().seen_surface
+    over = {what: getattr(films, what).copy() for what in ("over_black", "over_white")}
+    for values in over.values():
+        values[dull] -= less
+    tight = Expectations(model_floor=0.0, model_share=0.0, gloss=0.1, weight_share=0.03, weight_floor=0.0)
+    said = RECIPES | {"tint": {"CobaltBlue": 10.0 / 1.1, "ZincWhite": 90.0}}
+    result = recover_jointly(dataclasses.replace(films, **over), said, expectations=tight)
+    gloss = result.unknowns.films[:, 1]
+    assert gloss[dull] == gloss.min()
+    assert gloss[dull] - gloss[wrong] == pytest.approx(np.log(0.9), abs=0.04)
+    assert result.unknowns.films[wrong, 2] == pytest.approx(np.log(1.1), abs=0.04)
+    assert result.rmse.max() < 0.003
 
 
 def test_recovers_paints_within_their_errors():

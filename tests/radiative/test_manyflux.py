@@ -10,6 +10,7 @@ import pytest
 from glazejax import stack_hemispherical_reflectance, stack_reflectance_factor
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.radiative.common.phase import henyey_greenstein, two_term_henyey_greenstein
+from glazejax.radiative.common.quadrature import gauss
 from glazejax.radiative.manyflux.reflectance import (
     brdf_table,
     manyflux_diffuse_reflectance,
@@ -54,8 +55,12 @@ def test_nothing_is_lost_without_absorption(index):
     flux = manyflux_hemispherical_reflectance(*stack, cos_incidence=cos, **given)
     assert flux.shape == (5, 3)
     np.testing.assert_allclose(flux + dielectric_reflectance(cos, index), np.ones((5, 3)), atol=1e-10)
-    if index == 1.0:
-        np.testing.assert_allclose(manyflux_diffuse_reflectance(*stack, **given), 1.0, atol=1e-10)
+    # Even light loses what the surface reflects of it, twice the mean of R mu; six directions see it to one per cent.
+    nodes, weights = gauss(200)
+    outer = 2.0 * weights @ (nodes * dielectric_reflectance(nodes, index))
+    np.testing.assert_allclose(
+        manyflux_diffuse_reflectance(*stack, **given), 1.0 - outer, atol=0.015 if index > 1 else 1e-10
+    )
 
 
 def test_reciprocity_and_table():

@@ -53,6 +53,49 @@ def test_nothing_is_lost_between_media(index):
     np.testing.assert_allclose(flux + outer, np.ones((3, 3)), atol=1e-10)
 
 
+def through_two_faces(cosines, upper: float, lower: float):
+    """Share of light from the air that gets below both faces, with all reflections between them, and slant below."""
+    below = np.sqrt(1.0 - (1.0 - cosines**2) / upper**2)
+    outer, inner = dielectric_reflectance(cosines, upper), dielectric_reflectance(below, lower / upper)
+    return (1.0 - outer) * (1.0 - inner) / (1.0 - outer * inner), np.sqrt(1.0 - (1.0 - cosines**2) / lower**2)
+
+
+def test_ground_below_faces_alone_is_the_closed_form():
+    """Clear layers of two indices on grey: T T' r/(n^2 (1 - r) + r t), with t the T of even light, n of the lower.
+
+    Of what the ground sends out t/n^2 gets through the faces: the cone of refraction, whatever lies between. Nine
+    directions give t to one per cent.
+    """
+    ground, upper, lower = 0.6, 1.5, 1.3
+    given: dict[str, Any] = {"phase": PHASE, "refractive_index": (upper, lower), "streams": 9}
+    stack = [1.0, 1.0], 0.0 * THICKNESS, ground
+    nodes, weights = gauss(200)
+    even = 2.0 * np.sum(weights * nodes * through_two_faces(nodes, upper, lower)[0])
+    beam, _ = through_two_faces(COS, upper, lower)
+    left = lower**2 * (1.0 - ground) + ground * even
+    flux = manyflux_hemispherical_reflectance(*stack, cos_incidence=COS, **given)
+    np.testing.assert_allclose(flux, np.tile(beam * ground * even / left, (3, 1)), rtol=0.02)
+    diffuse = manyflux_diffuse_reflectance(*stack, **given)
+    np.testing.assert_allclose(diffuse, np.full((3, 1), ground * even**2 / left), rtol=0.02)
+    factor = manyflux_reflectance_factor(*stack, cos_incidence=COS, cos_viewing=0.4, **given)
+    seen, _ = through_two_faces(np.array(0.4), upper, lower)
+    np.testing.assert_allclose(factor, np.tile(beam * seen * ground / left, (3, 1)), rtol=0.02)
+
+
+def test_thin_layer_below_a_face_scatters_once():
+    """Over black, with the whole phase function: T T' q p/(4 n^2 mu mu') times the depth, n and mu of that layer."""
+    g, upper, lower, turn, thin = 0.8, 1.5, 1.3, 40.0, 1e-7
+    (lit, seen), cosines = through_two_faces(np.array([0.9, 0.5]), upper, lower)
+    cosine = np.sqrt(np.prod(1 - cosines**2)) * np.cos(np.deg2rad(turn)) - np.prod(cosines)
+    p = (1 - g**2) / (1 - 2 * g * cosine + g**2) ** 1.5
+    found = manyflux_reflectance_factor(
+        [0.0, 0.7], [0.0, thin], 0.0, phase=henyey_greenstein(g), refractive_index=(upper, lower), cos_incidence=0.9,
+        cos_viewing=0.5, azimuth=turn, streams=9,
+    )  # fmt: skip
+    # Light mirrored between the faces is followed with the moments that are kept, the rest with the whole function.
+    assert found == pytest.approx(lit * seen * 0.7 * p * thin / (4 * lower**2 * np.prod(cosines)), rel=1e-3)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("index", [(1.5, 1.3), (1.3, 1.6), (1.5, 1.5)])
 def test_what_does_not_come_back_goes_through(index):

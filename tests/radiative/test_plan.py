@@ -106,6 +106,40 @@ def test_bound_on_what_is_hidden_holds_and_is_not_idle():
     assert np.median(np.log(bound[faint]) / np.log(change[faint])) > 0.4
 
 
+def test_bound_on_what_is_hidden_is_nearly_reached():
+    """White of endless depth below a clear layer adds more than half of the bound: half the bound would not hold."""
+    n, clear, depth = np.array([1.0, 1.5, 2.0]), np.array([[0.0], [1e-5], [0.0]]), np.array([[3.0], [3.5], [4.0]])
+    nothing = np.zeros((3, 1))
+    given: dict[str, Any] = {"refractive_index": n, "tolerance": TOLERANCE}
+    white = np.concatenate([clear, nothing + 1.0], axis=1), np.concatenate([depth, nothing + 1e5], axis=1)
+    change = stack_reflectance_factor(*white, 0.0, **given)
+    ends = closed_form.end(np.ones(3), n)
+    bound = bounds.hidden_change(clear, depth, n, ends, ends)
+    assert np.all(change <= bound)
+    assert np.all(2.0 * change > bound)
+    # So a tolerance just below the change lets nothing be hidden, one above the bound all.
+    for tolerance, hidden in ((0.99 * np.min(change / bound) * bound, False), (1.01 * bound, True)):
+        for row in range(3):
+            one = [array[row : row + 1] for array in (clear, depth, np.ones(3), n)]
+            end = bounds.End(*(leaf[row : row + 1] for leaf in ends))
+            assert bounds.hidden_below(*one, end, end, float(tolerance[row]))[1] == [hidden]
+
+
+def test_bound_on_what_is_scattered_again_is_nearly_reached():
+    """A thin layer that scatters little over white: what the closed form leaves out is more than half of the bound.
+
+    The ground lights the layer from below and, mirrored by the surface, from above.
+    """
+    n, albedo, depth, cosine = 2.4, 1e-3, 1e-3, np.ones(1)
+    rows = np.array([[albedo]]), np.array([[depth]])
+    first = closed_form.without_multiple_scattering(*rows, np.ones(1), n, cosine, cosine)
+    given: dict[str, Any] = {"refractive_index": n, "tolerance": 1e-9}
+    left_out = float(stack_reflectance_factor([albedo], [depth], 1.0, **given)) - float(first.reflectance[0])
+    end = closed_form.end(cosine, np.full(1, n))
+    bound = float(bounds.scattered_beyond_first(*rows, first.ground_radiosity, np.full(1, n), end, end)[0])
+    assert bound / 2.0 < left_out <= bound
+
+
 def test_decay_rate_is_rounded_down():
     q = np.concatenate([[0, 1e-9, 1 - 1e-12, 1.0], np.linspace(0, 1, 1001)])
     rate = bounds.decay_rate(q)

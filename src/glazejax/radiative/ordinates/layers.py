@@ -90,8 +90,10 @@ def two_ports(
         single = -(gone[0] + gone[1] + gone[0] * gone[1]) / (a + b)
         # The mode's answer to one beam, held at the two-port's conditions, seen along the other.
         slow_again = jnp.where(flip, left[0] * near[1] + a * far[1], near[1] - a * left[0] * far[1]) - single
-        lesser = jnp.where(kappa < a, -(faded + gone[1] + faded * gone[1]) / (kappa + b), single)
-        area = (lesser - left[1] * apart[0]) / (jnp.maximum(kappa, a) + b)
+        # One choice for both, so that slopes are right at kappa = a too; of equals `maximum` would take half of each.
+        below = kappa < a
+        lesser = jnp.where(below, -(faded + gone[1] + faded * gone[1]) / (kappa + b), single)
+        area = (lesser - left[1] * apart[0]) / (jnp.where(below, a, kappa) + b)
         held = jnp.where(flip, far[1] - apart[0] * near[1], -(left[0] - kappa * apart[0]) * far[1])
         again = jnp.where(slow, slow_again * gap[0], (area + held) / (a + kappa))
         both = albedo * beams.survival[0] * beams.survival[1]

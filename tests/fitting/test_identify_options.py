@@ -1,0 +1,101 @@
+"""What `identify` is asked for reaches the search, and changes what it finds as it should."""
+
+import importlib
+import inspect
+from typing import Any
+
+import numpy as np
+import pytest
+
+from glazefit import Discrepancy, Films, Identification, Instrument, Noise, Prior, identify, identify_films
+from glazejax import Hemispherical, Pigment, catalogue
+
+MODULE = importlib.import_module("glazefit.identify.identify")
+GRID = np.arange(400.0, 701.0, 50.0)
+GROUNDS = np.array([[0.03], [0.9]]) * np.ones((2, GRID.size))
+
+
+class Reached(Exception):
+    def __init__(self, given: dict[str, Any]):
+        self.given = given
+
+
+def asked(function) -> list[str]:
+    """Keyword arguments of a function."""
+    return [p.name for p in inspect.signature(function).parameters.values() if p.kind is p.KEYWORD_ONLY]
+
+
+def test_identify_hands_on_all_that_it_is_given(monkeypatch):
+    def stop(*_, **named):
+        raise Reached(named)
+
+    monkeypatch.setattr(MODULE, "identify_chunks", stop)
+    given = {name: object() for name in asked(identify)}
+    with pytest.raises(Reached) as reached:
+        identify(None, None, None, **given)  # pyright: ignore[reportArgumentType]
+    assert reached.value.given == given
+
+
+def test_identify_films_hands_on_all_that_it_is_given(monkeypatch):
+    def stop(*_, **named):
+        raise Reached(named)
+
+    monkeypatch.setattr(MODULE, "identify", stop)
+    half = np.full((1, GRID.size), 0.3)
+    films = Films(("one",), GRID, 0.2 * half, 3.0 * half, half, 1.5 * half)
+    given: dict[str, Any] = {name: object() for name in asked(identify_films)} | {"noise": Noise(0.01)}
+    given |= {"instrument": Instrument(Hemispherical(8.0), 1.4), "geometry": None}
+    with pytest.raises(Reached) as reached:
+        identify_films(films, [], **given)
+    assert {name: reached.value.given[name] for name in given} == given
+    assert reached.value.given["names"] == ("one",)
+
+
+@pytest.fixture(scope="module")
+def find():
+    """Identify one film of two paints over two grounds; options as given. All calls share their programs."""
+    known = catalogue.load()
+    paints = [known[name].resample(GRID) for name in ("ZincWhite", "Vermillion")]
+    spectrum = np.linspace(0.2, 0.4, GRID.size) + np.array([[0.0], [0.3]])
+
+    def call(**options: Any) -> Identification:
+        return identify(spectrum[None], GRID, paints, grounds=GROUNDS, **({"max_paints": 1} | options))
+
+    return call
+
+
+def spread(found: Identification) -> float:
+    """Standard deviation of the log thickness of the best explanation."""
+    return float(np.sqrt(found.log_covariance[0, 0, 0, 0]))
+
+
+def test_each_option_changes_what_it_should(find):
+    usual = find()
+    assert usual.members.shape[1] == 2
+    assert find(keep=1).members.shape[1] == 1
+    np.testing.assert_array_equal(find(keep=1).members[:, 0], usual.members[:, 0])
+    assert find(names=["leaf"]).measured.names == ("leaf",)
+    # What is read or predicted less well says less about the film.
+    assert spread(find(noise=Noise(0.2, 0.0))) > 1.5 * spread(usual)
+    assert spread(find(noise=Noise(0.0005, 0.3))) > 1.5 * spread(usual)
+    assert spread(find(discrepancy=Discrepancy(amplitude=0.2))) > 1.5 * spread(usual)
+    # A reading that says next to nothing leaves what was expected: a film as thick as films are.
+    for thickness in (10e-6, 40e-6):
+        vague = find(noise=Noise(30.0), prior=Prior(thickness=thickness))
+        np.testing.assert_allclose(vague.amounts[0, :, 0], thickness, rtol=0.1)
+    assert float(find(prior=Prior(unknown=0.9)).none[0]) >= float(find(prior=Prior(unknown=0.01)).none[0])
+
+
+def test_more_paints_are_tried_when_asked(find):
+    assert (find().members[..., 1:] < 0).all()
+    both = find(max_paints=2)
+    assert (both.members[..., 1] >= 0).any()
+    assert both.members.shape[1] == 3
+
+
+def test_pigments_carry_their_own_grid():
+    """The catalogue's grid is brought to that of the spectra before anything is compared."""
+    fine = np.arange(390.0, 711.0, 1.0)
+    pigment = Pigment("x", fine, fine, 2.0 * fine)
+    (known,) = MODULE.check_pigments([pigment], GRID)
+    np.testing.assert_allclose(known.absorption, GRID)

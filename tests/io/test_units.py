@@ -1,0 +1,81 @@
+"""The sodium D line and two lines of mercury in every unit of wavelength that a file can state."""
+
+import json
+
+import numpy as np
+import pytest
+
+from glazejax.io import read_spectra
+from glazejax.io.finish import nanometres
+
+from . import test_envi, test_jcamp
+
+# Wavelengths in nm of Hg (green), Hg (yellow) and Na D2, and the same lines as tables print them in other units.
+LINES = np.array([546.07, 579.07, 589.00])
+IN_UNITS = {
+    "nm": LINES,
+    "Nanometers": LINES,
+    "um": [0.54607, 0.57907, 0.589],
+    "Micrometers": [0.54607, 0.57907, 0.589],
+    "µm": [0.54607, 0.57907, 0.589],
+    "microns": [0.54607, 0.57907, 0.589],
+    "A": [5460.7, 5790.7, 5890.0],
+    "Å": [5460.7, 5790.7, 5890.0],
+    "Angstrom": [5460.7, 5790.7, 5890.0],
+    "ANGSTROMS": [5460.7, 5790.7, 5890.0],
+    "m": [5.4607e-7, 5.7907e-7, 5.89e-7],
+    "metres": [5.4607e-7, 5.7907e-7, 5.89e-7],
+    "1/cm": [18312.67, 17269.07, 16977.93],
+    "cm-1": [18312.67, 17269.07, 16977.93],
+    "Wavenumber": [18312.67, 17269.07, 16977.93],
+}
+VALUES = [0.2, 0.4, 0.6]
+
+
+def written(folder, format_name: str, unit: str, values):
+    """A file of one spectrum whose wavelengths are in a unit."""
+    values = np.asarray(values, float)
+    if format_name == "envi":
+        return test_envi.put(
+            folder,
+            np.array([VALUES]),
+            samples=3,
+            lines=1,
+            wavelength="{" + ", ".join(map(repr, values.tolist())) + "}",
+            wavelength_units=unit,
+            spectra_names="{lamp}",
+        )
+    if format_name == "jcamp":
+        return test_jcamp.put(folder, test_jcamp.block("lamp", VALUES, grid=values, xunits=unit))
+    path = folder / "lamp.json"
+    grid = {"type": "wavelengths", "values": values.tolist(), "unit": unit}
+    path.write_text(json.dumps([grid, {"name": "lamp", "reflectance": VALUES}]), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize("format_name", ["envi", "jcamp", "json"])
+@pytest.mark.parametrize("unit", IN_UNITS)
+def test_lines_are_where_they_are(tmp_path, format_name, unit):
+    values = IN_UNITS[unit]
+    table = read_spectra(written(tmp_path, format_name, unit, values))
+    np.testing.assert_allclose(table.wavelengths, LINES, rtol=1e-6)
+    np.testing.assert_allclose(table.reflectance[0], VALUES, atol=1e-6)
+
+
+def test_without_a_unit_small_numbers_are_micrometres():
+    for unit in (None, "", "Unknown"):
+        np.testing.assert_allclose(nanometres(np.array(IN_UNITS["um"]), unit)[0], LINES)
+        np.testing.assert_allclose(nanometres(LINES, unit)[0], LINES)
+        # No spectrum of paint begins at 100 nm, and no spectrometer's ends below it in micrometres.
+        assert nanometres(np.array([50.0, 100.0]), unit)[0][-1] == 100.0
+        assert nanometres(np.array([0.5, 99.5]), unit)[0][-1] == 99500.0
+        with pytest.raises(ValueError, match="band numbers"):
+            nanometres(np.arange(1.0, 31.0), unit)
+
+
+def test_units_that_are_none():
+    with pytest.raises(ValueError, match="furlong"):
+        nanometres(LINES, "furlong")
+    for wrong in (0.0, -1.0):
+        with pytest.raises(ValueError, match="must be positive"):
+            nanometres(np.array([wrong, 16000.0]), "1/cm")

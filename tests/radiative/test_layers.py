@@ -1,0 +1,157 @@
+"""One layer's two-port, and beams that meet one of its eigenvalues, against integrals and against beams beside it."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from glazejax import stack_reflectance_factor
+from glazejax.radiative.common.directions import whole_range
+from glazejax.radiative.common.fresnel import cos_refracted
+from glazejax.radiative.common.kernels import decay_integral, phi, tanh_sech, two_decays
+from glazejax.radiative.common.quadrature import gauss
+from glazejax.radiative.ordinates.layers import Beams, two_ports
+from glazejax.radiative.ordinates.modes import layer_modes
+from glazejax.radiative.ordinates.resolution import resolve_known
+
+INDEX, TOLERANCE = 1.5, 1e-6
+NODES = gauss(60)
+# Both sides of the switch between slow and fast modes, and far from it.
+SQUARES = np.array([0.0, 1e-14, 1e-6, 0.01, 0.2, 0.2499999, 0.2500001, 0.3, 0.9, 1.0, 1.2, 2.25, 4.0, 30.0])
+STEPS = (0.0, 1e-12, 1e-8, -1e-5, 1e-2)
+DEPTHS = np.array([0.0, 1e-6, 0.05, 0.7, 4.0])
+
+
+def integrals(q, lam, zeta, depth, a, b, mirrored):
+    """b_near, b_far for the beam a, and twice scattered light of beams a and b: the module's integrals, by quadrature.
+
+    The two-port's own mode is Green's function of y'' = lambda y with y = 0 at the near face and y' = 0 at the far one.
+    """
+    kappa = jnp.sqrt(lam)
+
+    def sinh_over(t):
+        return jnp.where(kappa == 0, t, jnp.sinh(kappa * t) / jnp.where(kappa == 0, 1.0, kappa))
+
+    def beam(rate, t):
+        return jnp.exp(-rate * (depth - t if mirrored else t))
+
+    t, w = depth * NODES[0], depth * NODES[1]
+    whole = jnp.cosh(kappa * depth)
+    near = q * zeta * jnp.sum(w * jnp.cosh(kappa * (depth - t)) * beam(a, t)) / whole
+    far = -q * zeta * jnp.sum(w * sinh_over(t) * beam(a, t)) / whole
+    inner, weights = t[:, None] * NODES[0], w[:, None] * t[:, None] * NODES[1]
+    pairs = beam(a, inner) * beam(b, t[:, None]) + beam(b, inner) * beam(a, t[:, None])
+    twice = jnp.sum(weights * sinh_over(inner) * jnp.cosh(kappa * (depth - t[:, None])) * pairs) / whole
+    once = jnp.sum(w * beam(a, t) * beam(b, t))
+    return near, far, q * once + (q * zeta) ** 2 * twice
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_what_a_beam_excites_is_the_integral(mirrored: bool):
+    """Value and slopes of every entry, beams at 1/mu = kappa and next to it included."""
+    lam, depth, step, which = (
+        x.ravel() for x in np.meshgrid(SQUARES, DEPTHS, np.array(STEPS), np.array([0, 1]), indexing="ij")
+    )
+    # One beam at the mode's decay (or the nearest that a beam can have), the other elsewhere.
+    resonant = np.maximum(np.sqrt(lam) + step, 1.0)
+    a, b = np.where(which == 0, resonant, 1.3), np.where(which == 0, 1.3, resonant)
+
+    def ours(q, lam, depth, a, b):
+        one = jnp.ones_like(a)
+        beams = Beams(jnp.stack([a, b])[:, None], jnp.stack([one, one])[:, None], jnp.ones((2, 1, 1)), one)
+        ports = two_ports(
+            q[None, None],
+            lam[None, None, None],
+            jnp.full((1, 1, 1), 0.7),
+            depth[None, None],
+            beams,
+            np.array([mirrored]),
+        )
+        return ports.near[0, 0, 0, 0], ports.far[0, 0, 0, 0], ports.direct[0, 0]
+
+    def theirs(q, lam, depth, a, b):
+        return integrals(q, lam, 0.7, depth, a, b, mirrored)
+
+    q = np.full(lam.shape, 0.8)
+
+    def value_and_slopes(function):
+        def both(*x):
+            return jnp.stack(function(*x)), jnp.stack(jax.jacfwd(lambda *y: jnp.stack(function(*y)), (1, 2, 3, 4))(*x))
+
+        return jax.jit(jax.vmap(both))(q, lam, depth, a, b)
+
+    # The quadrature's own slope by lambda does not exist in this form at lambda = 0.
+    found, expected = value_and_slopes(ours), value_and_slopes(theirs)
+    np.testing.assert_allclose(found[0], expected[0], rtol=2e-9, atol=1e-13)
+    smooth = lam > 1e-8
+    np.testing.assert_allclose(found[1][smooth], expected[1][smooth], rtol=1e-6, atol=2e-8)
+    assert np.all(np.isfinite(found[1]))
+
+
+def cosines_in_air_at_eigenvalues(albedo: float) -> np.ndarray:
+    """Cosines in air of beams whose 1/mu inside is a decay constant of the layer as the solver has it."""
+    rule = whole_range(INDEX, resolve_known(TOLERANCE, INDEX))
+    assert rule is not None
+    mu, weights = np.asarray(rule[0]), np.asarray(rule[1])
+    kappa = np.sqrt(np.asarray(layer_modes(jnp.asarray(albedo), mu, weights).decay_squared))
+    inside = 1.0 / kappa[kappa > 1.0]
+    inside = inside[inside > np.sqrt(1.0 - 1.0 / INDEX**2) + 1e-3]
+    air = np.sqrt(1.0 - INDEX**2 * (1.0 - inside**2))
+    np.testing.assert_allclose(cos_refracted(air, INDEX), inside, rtol=1e-13)
+    return air
+
+
+def test_a_beam_at_an_eigenvalue_is_like_those_beside_it():
+    """No beam is special: value and slopes at an eigenvalue are the interpolation between beams on both sides."""
+    beams = [(q, cosine) for q in (0.2, 0.8, 0.97) for cosine in cosines_in_air_at_eigenvalues(q)]
+    assert len(beams) >= 3
+    albedo, air = np.array(beams).T
+    shifts = np.array([0.0, 1e-13, 1e-9, -2e-3, -1e-3, 1e-3, 2e-3])
+    cosines = air[:, None] + shifts
+    given: dict[str, Any] = {"refractive_index": INDEX, "cos_viewing": 0.55, "tolerance": TOLERANCE}
+
+    def factor(q, d, cosine):
+        albedo, depth = jnp.stack([jnp.full_like(q, 0.4), q], -1), jnp.stack([jnp.full_like(d, 0.2), d], -1)
+        return stack_reflectance_factor(albedo, depth, 0.5, cos_incidence=cosine, **given)
+
+    shape = cosines.ravel().shape
+    arguments = jnp.asarray(np.repeat(albedo, shifts.size)), jnp.full(shape, 0.9), jnp.asarray(cosines.ravel())
+    value, slope = jax.jit(lambda *x: jax.vjp(factor, *x)[0]), jax.jit(jax.grad(lambda *x: factor(*x).sum(), (0, 1, 2)))
+    for quantity in (value(*arguments), *slope(*arguments)):
+        at = np.asarray(quantity).reshape(cosines.shape)
+        # The cubic through four beams, a thousandth and two away.
+        between = (-at[:, 3] + 4.0 * at[:, 4] + 4.0 * at[:, 5] - at[:, 6]) / 6.0
+        np.testing.assert_allclose(at[:, :3], np.repeat(between[:, None], 3, axis=1), rtol=2e-6)
+
+
+def test_kernels_are_their_integrals_on_both_sides_of_every_switch():
+    """(1 - e^-x)/x, tanh, sech and two exponentials, with slopes, against Gauss quadrature of what they integrate."""
+    x = np.concatenate([[0.0], np.geomspace(1e-9, 8.0, 60), [0.0999, 0.1001, 0.4999, 0.5001]])
+    nodes, weights = NODES
+    np.testing.assert_allclose(phi(jnp.asarray(x)), np.exp(-np.outer(x, nodes)) @ weights, rtol=1e-13)
+    slope = jax.vmap(jax.grad(phi))(jnp.asarray(x))
+    np.testing.assert_allclose(slope, np.exp(-np.outer(x, nodes)) @ (-nodes * weights), rtol=1e-12)
+    assert float(jax.grad(lambda a: decay_integral(a, jnp.asarray(2.0)))(jnp.asarray(0.0))) == pytest.approx(-2.0)
+
+    def pair(a, b, depth):
+        return two_decays(a, b, depth, jnp.expm1(-a * depth), jnp.expm1(-b * depth))
+
+    a, depth = 1.7, 0.8
+    for sign in (1.0, -1.0):
+        b = a + sign * np.minimum(x, 1.5) / depth
+        t = depth * nodes
+        terms = np.exp(-a * (depth - t)) * np.exp(-np.outer(b, t)) * depth * weights
+        found = jax.jit(jax.vmap(jax.value_and_grad(pair, (0, 1)), (None, 0, None)))(a, jnp.asarray(b), depth)
+        np.testing.assert_allclose(found[0], terms.sum(axis=1), rtol=2e-13)
+        np.testing.assert_allclose(found[1][1], terms @ -t, rtol=2e-11)
+        np.testing.assert_allclose(found[1][0], terms @ (t - depth), rtol=2e-11)
+
+    # By lambda: d tanh(kappa D)/kappa = -int (sinh kappa t/kappa)^2 /cosh^2 kappa D, as of y'' = lambda y.
+    lam = np.concatenate([np.geomspace(1e-12, 5.0, 40), [0.01999, 0.02001]])
+    kappa = np.sqrt(lam)
+    tanh, by_lam = jax.vmap(jax.value_and_grad(lambda s: tanh_sech(s, jnp.asarray(1.0))[0]))(jnp.asarray(lam))
+    np.testing.assert_allclose(tanh, np.tanh(kappa) / kappa, rtol=1e-14)
+    squares = (np.sinh(np.outer(kappa, nodes)) / kappa[:, None]) ** 2 @ weights
+    np.testing.assert_allclose(by_lam, -squares / np.cosh(kappa) ** 2, rtol=1e-12)

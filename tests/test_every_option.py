@@ -1,0 +1,320 @@
+"""Every option of every command changes what it should: a table with an entry for each, checked for gaps.
+
+An entry is a pair of command lines, without and with the option, and what the computation then gets (the computation
+itself does not run), or the name of a test that looks at what the whole command does. That what the computation gets
+changes what it finds is tested beside each computation; for `identify`, in tests/fitting/test_identify_options.py.
+"""
+
+import functools
+import importlib
+import inspect
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+import glazejax.commands.main
+from glazejax import Bidirectional, Hemispherical
+from glazejax.commands.main import make_app
+
+TESTS = Path(__file__).parent
+GRID = np.arange(400.0, 701.0, 30.0)
+# What each command computes with; the first that it comes to ends it.
+ENGINES = {
+    "render": ["glazejax.commands.rendering:render"],
+    "identify": ["glazefit.identify.identify:identify_chunks"],
+    "recover": [
+        "glazefit.recover.film_by_film:recover_chunks",
+        "glazefit.recover.joint:recover_jointly",
+        "glazefit.film.simulate:simulate_paints",
+    ],
+    "recipe": ["glazefit.recipe.task:make_task"],
+    "posterior": [
+        "glazefit.posterior.posterior:posterior_of_film",
+        "glazefit.posterior.posterior:posterior_of_bands",
+        "glazefit.film.simulate:simulate_films",
+    ],
+}
+
+
+class Reached(Exception):
+    """What a computation was called with."""
+
+    def __init__(self, name: str, given: dict[str, Any]):
+        self.name, self.given = name, given
+
+
+class Reaches(NamedTuple):
+    """What the computation gets with the option, and does not get without."""
+
+    words: str
+    found: Callable[[dict[str, Any]], Any]
+    expected: Any
+    base: str = ""
+    """Words of both command lines, in place of the command's usual ones."""
+    engine: str = ""
+    """Name of the computation, where the option chooses it."""
+
+
+class Looked(NamedTuple):
+    """A test, FILE:NAME, that looks at what the whole command does."""
+
+    test: str
+
+
+def name_of(paint: Any) -> str:
+    return paint.name
+
+
+def grounds(given: dict[str, Any]) -> Any:
+    return None if given["grounds"] is None else round(float(np.asarray(given["grounds"]).flat[0]), 6)
+
+
+def geometry(given: dict[str, Any]) -> Any:
+    return given["instrument"].geometry
+
+
+SPECTRA, FILMS = "spectra.csv", "films.csv"
+JOINT = f"{FILMS} --out found --joint"
+USUAL = {
+    "render": "--layers ZincWhite:5um,CobaltBlue:9um",
+    "identify": f"{SPECTRA} --ground 0.5",
+    "recover": f"{FILMS} --out found",
+    "recipe": "--lab 50,20,30",
+    "posterior": f"{FILMS} --sample one --paints CobaltBlue,ZincWhite --out found",
+}
+INSTRUMENT = {
+    "--geometry": Reaches("--geometry d:0", geometry, Hemispherical(0.0)),
+    "--refractive-index": Reaches("--refractive-index 1.4", lambda g: g["instrument"].refractive_index, 1.4),
+    "--noise": Reaches("--noise 0.01", lambda g: g["noise"].floor, 0.01),
+    "--noise-share": Reaches("--noise-share 0.07", lambda g: g["noise"].share, 0.07),
+}
+OLD_SPECULAR = {
+    "--incidence": Reaches("--incidence 30", geometry, Hemispherical(30.0)),
+    "--specular": Reaches("--no-specular", geometry, Hemispherical(8.0, specular=False)),
+}
+OWN_PAINTS = "--pigments paints.csv"
+TABLE: dict[str, dict[str, Reaches | Looked]] = {
+    "render": {
+        "--layers": Reaches(
+            "--layers Eosin:7um", lambda g: [x.medium.name for x in g["glaze"].layers], ["Eosin"], base="--out x.png"
+        ),
+        "--ground": Reaches("--ground 0.3", lambda g: float(np.mean(g["glaze"].substrate)), 0.3),
+        "--substrate": Reaches("--substrate 0.3", lambda g: float(np.mean(g["glaze"].substrate)), 0.3),
+        "--refractive-index": Reaches("--refractive-index 1.4", lambda g: g["glaze"].refractive_index, 1.4),
+        "--geometry": Reaches("--geometry d:8", lambda g: g["geometry"], Hemispherical(8.0)),
+        "--hemispherical": Reaches("--hemispherical", lambda g: type(g["geometry"]), Hemispherical),
+        "--incidence": Reaches("--incidence 30", lambda g: g["geometry"].incidence, 30.0),
+        "--viewing": Reaches("--viewing 20", lambda g: g["geometry"], Bidirectional(0.0, 20.0)),
+        "--specular": Reaches("--no-specular", lambda g: g["geometry"], Hemispherical(8.0, specular=False),
+                              base="--layers Eosin:7um --hemispherical"),
+        "--illuminant": Reaches("--illuminant A", lambda g: g["illuminant"], "A"),
+        "--observer": Reaches("--observer 10", lambda g: g["observer"].startswith("CIE 1964"), True),
+        "--ladder": Reaches("--ladder CobaltBlue", lambda g: g["layer"], 1),
+        "--pigments": Reaches(OWN_PAINTS, lambda g: float(g["glaze"].layers[0].medium.absorption[0]), 1000.0),
+        "--tolerance": Reaches("--tolerance 0.001", lambda g: g["tolerance"], 0.001),
+        "--out": Looked("test_render.py:test_files_are_not_overwritten_unasked"),
+        "--csv": Looked("test_render.py:test_numbers_picture_and_table"),
+        "--overwrite": Looked("test_render.py:test_files_are_not_overwritten_unasked"),
+        "--list": Looked("test_render.py:test_own_pigments_come_before_the_catalogue"),
+    },
+    "convert": {
+        "source": Looked("test_convert.py:test_every_format"),
+        "target": Looked("test_convert.py:test_every_format"),
+        "--to": Looked("test_convert.py:test_format_by_name_of_the_option"),
+        "--resample": Looked("test_convert.py:test_resampled_and_long"),
+        "--long": Looked("test_convert.py:test_resampled_and_long"),
+        "--overwrite": Looked("test_convert.py:test_existing_files_are_kept"),
+    },
+    "scene": {
+        "file": Looked("appearance/test_scene_file.py:test_the_command_writes_a_picture_and_its_spectra"),
+        "--out": Looked("appearance/test_scene_file.py:test_the_command_writes_a_picture_and_its_spectra"),
+        "--spectral": Looked("appearance/test_scene_file.py:test_the_command_writes_a_picture_and_its_spectra"),
+        "--size": Looked("appearance/test_scene_file.py:test_the_command_writes_a_picture_and_its_spectra"),
+        "--overwrite": Looked("appearance/test_scene_file.py:test_the_command_writes_a_picture_and_its_spectra"),
+        "--example": Looked("appearance/test_scene_file.py:test_the_example_is_printed"),
+    },
+    "identify": {
+        "file": Reaches("films.csv", lambda g: g["names"], ("one", "two"), base="--noise 0.001"),
+        "--ground": Reaches("--ground 0.3", grounds, 0.3),
+        "--bare": Reaches("--bare", lambda g: 0.5 < grounds(g) < 0.8, True),
+        "--opaque": Reaches(f"{SPECTRA} --opaque", grounds, None, base=" "),
+        "--pigments": Reaches(OWN_PAINTS, lambda g: [*map(name_of, g["pigments"])], ["ZincWhite", "Own"]),
+        "--only": Reaches("--only Eosin,ZincWhite", lambda g: {*map(name_of, g["pigments"])}, {"Eosin", "ZincWhite"}),
+        "--samples": Reaches("--samples two", lambda g: tuple(g["names"]), ("two",)),
+        "--max-paints": Reaches("--max-paints 1", lambda g: g["max_paints"], 1),
+        "--layers": Reaches("--layers 2", lambda g: g["layers"], 2),
+        **INSTRUMENT,
+        "--model-error": Reaches("--model-error 0.02", lambda g: g["discrepancy"].amplitude, 0.02),
+        "--thickness": Reaches("--thickness 40um", lambda g: g["prior"].thickness, pytest.approx(40e-6)),
+        "--top": Reaches("--top 9", lambda g: g["keep"], 9),
+        "--csv": Looked("fitting/test_cli_identify.py:test_films_are_identified_written_and_drawn"),
+        "--residuals": Looked("fitting/test_cli_identify.py:test_films_are_identified_written_and_drawn"),
+        "--out": Looked("fitting/test_cli_identify.py:test_films_are_identified_written_and_drawn"),
+        "--overwrite": Reaches("--overwrite", bool, True, base=f"{SPECTRA} --ground 0.5 --csv paints.csv"),
+    },
+    "recover": {
+        "file": Looked("fitting/test_cli_recover.py:test_results_are_those_of_the_library"),
+        "--out": Looked("fitting/test_cli_recover.py:test_results_are_those_of_the_library"),
+        "--samples": Reaches("--samples two", lambda g: len(g["films"]), 1),
+        "--masstones": Reaches("--masstones", lambda g: len(g["films"]), 1),
+        "--names": Reaches("--names other.tsv", lambda g: "Umber" in str(g["films"].names), True),
+        "--thickness": Reaches("--simulate --thickness 40um", lambda g: g.get("thickness"), pytest.approx(40e-6),
+                               base="--out found --simulate"),
+        **INSTRUMENT,
+        **OLD_SPECULAR,
+        "--simulate": Reaches("--out found --simulate --samples Eosin", lambda g: [*map(name_of, g["paints"])],
+                              ["Eosin"], base=" ", engine="simulate_paints"),
+        "--seed": Reaches("--seed 7", lambda g: g["seed"], 7, base="--out found --simulate"),
+        "--joint": Reaches("--joint", lambda g: "recipes" in g, True, engine="recover_jointly"),
+        "--law": Reaches("--law strength", lambda g: g["law"].name, "strength", base=JOINT),
+        "--check": Looked("fitting/test_cli_recover.py:test_mixtures_are_left_out_when_asked"),
+        "--plots": Looked("fitting/test_cli_recover.py:test_names_and_masstones"),
+        "--overwrite": Looked("fitting/test_cli_recover.py:test_overwrite"),
+    },
+    "recipe": {
+        "--lab": Reaches("--lab 60,10,5", lambda g: "60" in g["targets"][0].name, True, base=" "),
+        "--srgb": Reaches("--srgb #8a4b2d", lambda g: "8a4b2d" in g["targets"][0].name, True, base=" "),
+        "--spectrum": Reaches(f"--spectrum {SPECTRA}", lambda g: len(g["targets"]), 2, base=" "),
+        "--samples": Reaches("--samples two", lambda g: [*map(name_of, g["targets"])], ["two"],
+                             base=f"--spectrum {SPECTRA}"),
+        "--colourchecker": Reaches("--colourchecker", lambda g: len(g["targets"]), 24, base=" "),
+        "--patch": Reaches("--patch white", lambda g: len(g["targets"]), 1, base="--colourchecker"),
+        "--illuminants": Reaches("--illuminants D65,A", lambda g: [*g["illuminants"]], ["D65", "A"]),
+        "--test-illuminant": Reaches("--test-illuminant FL11", lambda g: g["test_illuminant"], "FL11"),
+        "--observer": Reaches("--observer 10", lambda g: g["observer"], "10"),
+        "--max-paints": Reaches("--max-paints 2", lambda g: g["max_paints"], 2),
+        "--max-layers": Reaches("--max-layers 1", lambda g: g["max_layers"], 1),
+        "--coat-thickness": Reaches("--coat-thickness 2-7", lambda g: g["thickness"], pytest.approx((2e-6, 7e-6))),
+        "--thickness": Reaches("--thickness 2-7", lambda g: g["thickness"], pytest.approx((2e-6, 7e-6))),
+        "--only": Reaches("--only Eosin,ZincWhite", lambda g: {*map(name_of, g["pigments"])}, {"Eosin", "ZincWhite"}),
+        "--without": Reaches("--without Eosin", lambda g: "Eosin" in [*map(name_of, g["pigments"])], False),
+        "--pigments": Reaches(OWN_PAINTS, lambda g: [*map(name_of, g["pigments"])], ["ZincWhite", "Own"]),
+        "--ground": Reaches("--ground 0.3", lambda g: float(np.mean(g["ground"])), 0.3),
+        "--refractive-index": Reaches("--refractive-index 1.4", lambda g: g["refractive_index"], 1.4),
+        "--geometry": Reaches("--geometry d:8", lambda g: g["geometry"], Hemispherical(8.0)),
+        "--sphere": Reaches("--sphere", lambda g: type(g["geometry"]), Hemispherical),
+        "--metamerism": Reaches("--metamerism 0.7", lambda g: g["metamerism"], 0.7),
+        "--count": Reaches("--count 2", lambda g: g["count"], 2),
+        "--seed": Reaches("--seed 7", lambda g: g["seed"], 7),
+        "--out": Looked("fitting/test_cli_recipe.py:test_patches_of_a_chart"),
+        "--csv": Looked("fitting/test_cli_recipe.py:test_patches_of_a_chart"),
+        "--json": Looked("fitting/test_cli_recipe.py:test_patches_of_a_chart"),
+        "--spectra": Looked("fitting/test_cli_recipe.py:test_patches_of_a_chart"),
+        "--overwrite": Reaches("--overwrite", bool, True, base="--lab 50,20,30 --csv paints.csv"),
+    },
+    "posterior": {
+        "file": Looked("fitting/test_posterior_chain.py:test_command_writes_what_it_says"),
+        "--out": Reaches("--out other", lambda g: Path(g["path"]).parent.name, "other"),
+        "--sample": Reaches("--sample two", lambda g: g["film"].names, ("two",)),
+        "--paints": Reaches("--paints Eosin", lambda g: [*map(name_of, g["paints"])], ["Eosin"]),
+        "--bands": Reaches("--bands", lambda g: "paints" in g, False, base=f"{FILMS} --sample one --out found",
+                           engine="posterior_of_bands"),
+        "--pigments": Reaches(OWN_PAINTS, lambda g: float(g["paints"][0].absorption[0]), 1000.0,
+                              base=f"{FILMS} --sample one --paints ZincWhite --out found"),
+        "--ground": Reaches("--ground 0.3", lambda g: float(np.asarray(g["film"].ground).flat[0]), 0.3,
+                            base=f"{SPECTRA} --sample one --paints ZincWhite --out found --ground 0.9"),
+        "--thickness": Reaches("--thickness 40um", lambda g: g["prior"].thickness, pytest.approx(40e-6)),
+        "--steps": Reaches("--steps 70", lambda g: g["steps"], 70),
+        "--walkers": Reaches("--walkers 48", lambda g: g["walkers"], 48),
+        "--thin": Reaches("--thin 3", lambda g: g["thin"], 3),
+        "--seed": Reaches("--seed 7", lambda g: g["seed"], 7),
+        "--resume": Looked("fitting/test_posterior_chain.py:test_command_writes_what_it_says"),
+        "--overwrite": Reaches("--overwrite", lambda g: g["overwrite"], True),
+        "--paint-error": Reaches("--paint-error 0.2", lambda g: g["prior"].error, 0.2),
+        "--model-error": Reaches("--model-error 0.2", lambda g: g["prior"].error, 0.2),
+        **INSTRUMENT,
+        **OLD_SPECULAR,
+        "--simulate": Reaches("--out found --paints Eosin --simulate", lambda g: g["names"], ["simulated"], base=" ",
+                              engine="simulate_films"),
+    },
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def reach(tmp_path_factory):
+    """Run a command line in a folder of small files; what its computation is called with. Each line runs once."""
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.chdir(tmp_path_factory.mktemp("options"))
+        yield functools.cache(_reach(monkeypatch))
+
+
+def _reach(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], Reached | None]:
+    monkeypatch.setattr(glazejax.commands.main, "start_jax", lambda: None)
+
+    def table(path: str, rows: dict[str, float]) -> None:
+        lines = [",".join(["Name", *(f"{w:g}" for w in GRID)])]
+        lines += [",".join([name, *[f"{value:g}"] * GRID.size]) for name, value in rows.items()]
+        Path(path).write_text("\n".join(lines) + "\n")
+
+    table(SPECTRA, {"one": 0.4, "two": 0.6})
+    cards = {"b": 0.06, "w": 0.85, "ob": 0.3, "ow": 0.5}
+    table(FILMS, {f"{film}_{end}": value for film in ("one", "two") for end, value in cards.items()})
+    Path("mixtures.tsv").write_text("one\tRed-White|100-0\ntwo\tRed-White|40-60\n")
+    Path("other.tsv").write_text("one\tUmber|100\ntwo\tUmber-White|40-60\n")
+    paints = [f"{name},{w:g},1000,50000" for name in ("ZincWhite", "Own") for w in np.arange(380.0, 731.0, 10.0)]
+    Path("paints.csv").write_text("\n".join(["pigment,wavelength_nm,absorption,scattering", *paints]) + "\n")
+
+    def records(name: str, signature: inspect.Signature) -> Callable[..., None]:
+        def record(*arguments, **named):
+            given = signature.bind(*arguments, **named)
+            given.apply_defaults()
+            raise Reached(name, dict(given.arguments))
+
+        return record
+
+    for engine in {engine for group in ENGINES.values() for engine in group}:
+        path, name = engine.split(":")
+        module = importlib.import_module(path)
+        monkeypatch.setattr(module, name, records(name, inspect.signature(getattr(module, name))))
+
+    def call(command: str, words: str) -> Reached | None:
+        done = CliRunner().invoke(make_app(), [command, *words.split()])
+        if isinstance(done.exception, Reached):
+            return done.exception
+        assert not words.strip() or done.exception is not None, done.output
+        return None
+
+    return call
+
+
+def entries(kind: type) -> list:
+    rows = [(c, o, entry) for c, group in TABLE.items() for o, entry in group.items() if isinstance(entry, kind)]
+    return [pytest.param(*row, id=f"{row[0]} {row[1]}") for row in rows]
+
+
+@pytest.mark.parametrize(("command", "option", "entry"), entries(Reaches))
+def test_the_computation_gets_what_the_option_says(reach, command: str, option: str, entry: Reaches):
+    base = entry.base or USUAL[command]
+    # A later word for the same option takes the earlier one's place.
+    with_it = reach(command, f"{base} {entry.words}")
+    assert with_it is not None, "the computation was not reached"
+    assert entry.found(with_it.given) == entry.expected
+    assert entry.engine in ("", with_it.name)
+    without = reach(command, base)
+    if without is not None and without.name == with_it.name:
+        assert entry.found(without.given) != entry.expected
+    else:
+        assert entry.engine or base.strip() != USUAL[command], "without the option the command does not run"
+
+
+@pytest.mark.parametrize(("command", "option", "entry"), entries(Looked))
+def test_the_test_named_exists_and_uses_the_option(command: str, option: str, entry: Looked):
+    file, name = entry.test.split(":")
+    text = (TESTS / file).read_text(encoding="utf-8")
+    _, found, after = text.partition(f"def {name}(")
+    assert found, f"{file} has no {name}"
+    body = after.partition("\ndef ")[0]
+    names = {option, "--no-plots"} if option == "--plots" else {option, "-o"} if option == "--out" else {option}
+    assert not option.startswith("--") or any(json.dumps(word) in body for word in names), f"{name} has no {option}"
+
+
+def test_every_option_of_every_command_has_an_entry():
+    commands = typer.main.get_command(make_app()).commands  # pyright: ignore[reportAttributeAccessIssue]
+    there = {name: {p.opts[0] for p in command.params} - {"--help"} for name, command in commands.items()}
+    assert there == {name: set(group) for name, group in TABLE.items()}
