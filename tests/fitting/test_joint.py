@@ -116,7 +116,7 @@ def test_covariance_equals_the_dense_inverse(small, dense_jacobian):
 
 
 def test_gloss_and_weights_of_a_film_reach_its_reading(small):
-    """A gloss scales the surface's part alone; an error of weight is another recipe; a prior counts in its own units."""
+    """Gloss scales the surface's part alone; an error of weight is another recipe; a prior counts in its own units."""
     problem, response, point = small
     read = jax.jit(readings)
     before = np.asarray(read(point, problem, response))
@@ -150,7 +150,7 @@ def test_gloss_and_weights_of_a_film_reach_its_reading(small):
 
 
 def test_a_film_of_its_own_gloss_and_a_wrong_weight_are_found():
-    """One film is a tenth less glossy than its paint, one recipe is off by a tenth: the joint fit says which and how."""
+    """A film is a tenth less glossy than its paint, a recipe is off by a tenth: the joint fit says which and how."""
     films = painted(np.ones(6), Noise())
     dull, wrong = 1, 2
     less = 0.1 * Instrument().seen_surface
