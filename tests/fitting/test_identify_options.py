@@ -59,7 +59,8 @@ def find():
     spectrum = np.linspace(0.2, 0.4, GRID.size) + np.array([[0.0], [0.3]])
 
     def call(**options: Any) -> Identification:
-        return identify(spectrum[None], GRID, paints, grounds=GROUNDS, **({"max_paints": 1} | options))
+        chosen: dict[str, Any] = {"max_paints": 1, **options}
+        return identify(spectrum[None], GRID, paints, grounds=GROUNDS, **chosen)
 
     return call
 
