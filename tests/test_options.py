@@ -309,3 +309,15 @@ def test_a_picture_is_refused_before_it_is_computed(monkeypatch, run, tmp_path):
         assert (status, out) == (2, "")
         assert err.endswith('pip install "glazejax[plots]"\n')
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("path", "name", "words"),
+    [
+        (None, "oil", "there is no catalogue 'oil'; choose from oils, acrylics"),
+        (Path("own.csv"), "acrylics", "leave out --catalogue, or leave out --pigments"),
+    ],
+)
+def test_a_catalogue_of_no_name_or_beside_own_paints_is_refused(path, name, words):
+    with pytest.raises(ValueError, match=words):
+        options.read_shelf(path, name)

@@ -245,7 +245,7 @@ def test_own_pigments_come_before_the_catalogue(run, monkeypatch, tmp_path):
         name: Pigment(name, grid, np.full(31, k), np.full(31, 1e3), provenance=f"{name} of the shelf")
         for name, k in (("Red", 9e9), ("Ochre", 1e5))
     }
-    monkeypatch.setattr("glazejax.catalogue.load", lambda: shelf)
+    monkeypatch.setattr("glazejax.catalogue.load", lambda _: shelf)
     status, out, _ = run("--layers", "Red:1um, Ochre:1um", "--csv", "s.csv")
     assert status == 0
     assert "Ochre of the shelf" in out

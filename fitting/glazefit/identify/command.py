@@ -38,6 +38,7 @@ def identify(
     ] = False,
     opaque: Annotated[bool, typer.Option("--opaque", help="The films hide their ground.")] = False,
     pigments: options.Pigments = None,
+    catalogue: options.CatalogueName = options.OILS,
     only: options.Only = "",
     samples: options.Samples = "",
     max_paints: Annotated[int, typer.Option(help="Largest number of paints in a film: 1, 2 or 3.")] = 3,
@@ -63,7 +64,7 @@ def identify(
 
     All sets of up to three paints compete, and with them the answer that
     nothing in the catalogue explains the film. Thicknesses are on the scale
-    of the catalogue, whose films are taken as 25 micrometres thick.
+    of the catalogue; the films of its oils are taken as 25 micrometres thick.
 
     Example: glazejax identify films.tsv --out found.png
     """
@@ -87,7 +88,7 @@ def identify(
 
     start_jax()
     console = Console(highlight=False)
-    paints = options.choose_paints(options.read_shelf(pigments), only)
+    paints = options.choose_paints(options.read_shelf(pigments, catalogue), only)
     instrument = Instrument(seen_by, refractive_index)
     task = _read(file, samples, ground, bare, opaque, instrument, console)
     from .identify import identify_chunks

@@ -73,6 +73,7 @@ def recipe(
         str, typer.Option(metavar="NAMES", help="All paints but these, such as Vermillion.", show_default=False)
     ] = "",
     pigments: options.Pigments = None,
+    catalogue: options.CatalogueName = options.OILS,
     ground: Annotated[str | None, options.ground_option(_GROUND)] = None,
     refractive_index: options.RefractiveIndex = 1.5,
     geometry: Annotated[str | None, options.geometry_option(_GEOMETRY)] = None,
@@ -129,7 +130,7 @@ def recipe(
 
     if spectra is not None and not all(target.spectral for target in targets):
         raise ValueError("--spectra: the target is a colour and has no spectrum; leave it out")
-    paints = options.choose_paints(options.read_shelf(pigments), only, without)
+    paints = options.choose_paints(options.read_shelf(pigments, catalogue), only, without)
     task = make_task(
         targets,
         paints,
@@ -263,9 +264,6 @@ def _print(found: "list[list[Recipe]]", task: "Task", seconds: float, console: "
         f"[dim]{legend}. {len(task.pigments)} paints, up to {task.max_paints} in {task.max_layers} coats; "
         f"{_seen(task)}.[/dim]"
     )
-    if any(p.provenance == catalogue.PROVENANCE for p in task.pigments):
-        console.print(
-            "[dim]The catalogue's films had no measured thickness: thicknesses are on its scale "
-            f"({catalogue.ASSUMED_THICKNESS * 1e6:g} µm a film).[/dim]"
-        )
+    for words in dict.fromkeys(filter(None, map(catalogue.assumed_scale, task.pigments))):
+        console.print(f"[dim]{words[0].upper()}{words[1:]}; thicknesses here are on that scale.[/dim]")
     console.print(f"{len(found)} target{'s' if len(found) > 1 else ''} in {seconds:.1f} s (less when run again)")

@@ -54,6 +54,11 @@ Pigments = Annotated[
         show_default=False,
     ),
 ]
+CatalogueName = Annotated[
+    str,
+    typer.Option("--catalogue", metavar="NAME", help="Catalogue of paints: oils, or acrylics (Golden heavy body)."),
+]
+OILS = "oils"
 Only = Annotated[
     str,
     typer.Option("--only", metavar="NAMES", help="Only these paints, such as ZincWhite,Eosin.", show_default=False),
@@ -285,12 +290,20 @@ def read_ground(text: str, argument: str = "--ground", *, bare: bool = False) ->
     return Ground(table.wavelengths, spectrum, f"{sample} ({path.name}, mean {spectrum.mean():.2f})", tuple(notes))
 
 
-def read_shelf(path: Path | None) -> "dict[str, Pigment]":
-    """Paints of ``--pigments``, or the catalogue's."""
+def read_shelf(path: Path | None, name: str = OILS) -> "dict[str, Pigment]":
+    """Paints of ``--pigments``, or of the catalogue that ``--catalogue`` names.
+
+    Raises:
+        ValueError: there is no catalogue of that name, or both options are given.
+    """
     from .. import catalogue
     from ..paint.pigment_table import read_pigments
 
-    return dict(catalogue.load()) if path is None else dict(read_pigments(path))
+    if path is None:
+        return dict(catalogue.load(name))
+    if name != OILS:
+        raise ValueError("--pigments takes the place of the catalogue: leave out --catalogue, or leave out --pigments")
+    return dict(read_pigments(path))
 
 
 def choose_paints(shelf: "Mapping[str, Pigment]", only: str = "", without: str = "") -> "list[Pigment]":

@@ -56,6 +56,7 @@ def render(
             show_default=False,
         ),
     ] = None,
+    catalogue: options.CatalogueName = options.OILS,
     tolerance: Annotated[float, typer.Option(help="Largest error of a reflectance that you accept.")] = 1e-6,
     list_pigments: Annotated[bool, typer.Option("--list", help="List the paints there are, and stop.")] = False,
     substrate: Annotated[str | None, typer.Option(hidden=True)] = None,
@@ -79,7 +80,7 @@ def render(
 
     console = Console(highlight=False, soft_wrap=False)
     if list_pigments:
-        _list(console, _shelf(pigments))
+        _list(console, _shelf(pigments, catalogue))
         return
     if layers is None:
         raise ValueError(
@@ -102,7 +103,7 @@ def render(
     from .main import start_jax
 
     start_jax()
-    shelf = _shelf(pigments, [name for coat in coats for _, name in coat.parts])
+    shelf = _shelf(pigments, catalogue, [name for coat in coats for _, name in coat.parts])
     coats = name_paints(coats, shelf)
     repeated = _repeated(coats, ladder)
     bed = _lay(_read_ground(ground, substrate), make_media(coats, shelf))
@@ -178,8 +179,8 @@ def _repeated(coats: "Sequence[Coat]", ladder: str | None) -> int:
     return found[0]
 
 
-def _shelf(path: Path | None, names: Sequence[str] = ()) -> "Mapping[str, Pigment]":
-    """Own pigments, and the catalogue behind them unless nothing is wanted from it."""
+def _shelf(path: Path | None, catalogue: str, names: Sequence[str] = ()) -> "Mapping[str, Pigment]":
+    """Own pigments, and a catalogue behind them unless nothing is wanted from it."""
     from ..paint.describe import find_name
     from ..paint.pigment_table import read_pigments
 
@@ -192,9 +193,7 @@ def _shelf(path: Path | None, names: Sequence[str] = ()) -> "Mapping[str, Pigmen
             pass
         else:
             return own
-    from .. import catalogue
-
-    return {**catalogue.load(), **own}
+    return {**options.read_shelf(None, catalogue), **own}
 
 
 def _list(console, shelf: "Mapping[str, Pigment]") -> None:
@@ -245,16 +244,14 @@ def _lay(ground: options.Ground, media: "list[Pigment | Mixture]") -> _Bed:
 def _remarks(used: "Mapping[str, Pigment]") -> list[tuple[str, str]]:
     """Where the pigments come from, and where their numbers cannot be relied on."""
     from .. import catalogue
-    from ..paint.describe import describe_bands, format_length
+    from ..paint.describe import describe_bands
 
     origins: dict[str, list[str]] = {}
     for name, pigment in used.items():
         origins.setdefault(pigment.provenance or "no provenance is stated", []).append(name)
-    remarks = []
-    if catalogue.PROVENANCE in origins:
-        film = format_length(catalogue.ASSUMED_THICKNESS)
-        words = f"pigments of the catalogue were fitted to films of unknown thickness, taken as {film}"
-        remarks.append(("note", f"{words}; thicknesses here are on that scale"))
+    remarks: list[tuple[str, str]] = []
+    scales = dict.fromkeys(filter(None, map(catalogue.assumed_scale, used.values())))
+    remarks += [("note", f"{words}; thicknesses here are on that scale") for words in scales]
     remarks += [("source", f"{', '.join(names)}: {origin}") for origin, names in origins.items()]
     for name, pigment in used.items():
         if pigment.identifiable is not None and not pigment.identifiable.all():
