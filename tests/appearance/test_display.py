@@ -74,6 +74,7 @@ def test_srgb_against_colour_science():
     assert np.abs(np.asarray(found) - expected).max() < 0.01
 
 
+@pytest.mark.usefixtures("unchecked")
 def test_gamut_is_named():
     display = Display.preset("sRGB")
     inside, saturated, bright = [0.3, 0.3, 0.3], [0.1, 0.4, 0.02], [1.5, 1.6, 1.7]

@@ -34,6 +34,8 @@ class Weights(NamedTuple):
     height: Float[Array, "scales"]
     spread: Float[Array, ""]
     concentration: Float[Array, ""]
+    freedom: Float[Array, ""]  # of Student's t; 0 for Gaussian errors
+    independent: Float[Array, ""]  # readings that count as independent where errors follow Student's t
 
 
 class Fitted(NamedTuple):
@@ -49,7 +51,7 @@ def log_prior(
     logs: Float[Array, "size"], present: Bool[Array, "size"], spread: Array, concentration: Array
 ) -> Float[Array, ""]:
     """Log prior density of log amounts: log-normal total of median 1, Dirichlet fractions."""
-    m = present.sum()
+    m = present.sum(dtype=logs.dtype)
     total = jax.nn.logsumexp(logs, where=present)
     fractions = concentration * jnp.sum(jnp.where(present, logs - total, 0.0))
     fractions += gammaln(m * concentration) - m * gammaln(concentration)
@@ -58,9 +60,9 @@ def log_prior(
 
 def _prior_terms(logs: Array, present: Array, spread: Array, concentration: Array) -> tuple[Array, Array]:
     """Gradient of minus the log prior, and a positive part of its Hessian; 1 for a paint that is not there."""
-    m = present.sum()
+    m = present.sum(dtype=logs.dtype)
     total, share = jax.nn.logsumexp(logs, where=present), jax.nn.softmax(logs, where=present)
-    gradient = share * total / spread**2 - concentration * (present - m * share)
+    gradient = share * total / spread**2 - concentration * (present.astype(logs.dtype) - m * share)
     outer = jnp.outer(share, share)
     hessian = outer / spread**2 + concentration * m * (jnp.diag(share) - outer)
     return gradient, hessian + jnp.diag(jnp.where(present, 0.0, 1.0))
@@ -93,17 +95,30 @@ def fit_one(
 
     limits = np.log(LEAST), np.log(MOST)
     logs, (_, _, hessian, readings) = damped_newton(look, start, limits, steps=_STEPS, longest=_LONGEST)
-    log_evidence, spread = _evidence(logs, present, hessian, readings, weights)
+    prior = _prior_terms(logs, present, weights.spread, weights.concentration)[1]
+    log_evidence, spread = _evidence(logs, present, (hessian - prior, prior), readings, weights)
     return Fitted(logs, spread, log_evidence, readings)
 
 
-def _evidence(logs: Array, present: Array, hessian: Array, readings: Array, weights: Weights) -> tuple[Array, Array]:
-    """Laplace's log evidence of one candidate, summed over the scales of the discrepancy; and the covariance of u."""
-    spread, log_det = inverse_small(hessian)
+def _evidence(
+    logs: Array, present: Array, hessian: tuple[Array, Array], readings: Array, weights: Weights
+) -> tuple[Array, Array]:
+    """Laplace's log evidence of one candidate, summed over the scales of the discrepancy; and the covariance of u.
+
+    The misfit of a whole spectrum follows a Gaussian, or Student's t of `independent` readings in all: then a reading weighs
+    the less the worse all are met.
+    """
     off = jnp.einsum("srt,t->sr", weights.basis, weights.target - readings)
-    likelihood = jax.nn.logsumexp(weights.height - 0.5 * jnp.sum(off**2, axis=-1))
+    square = jnp.sum(off**2, axis=-1)
+    heavy = weights.freedom > 0
+    freedom, whole = jnp.where(heavy, weights.freedom, 1.0), weights.freedom + weights.independent
+    tail = weights.independent / off.shape[-1] * weights.height - 0.5 * whole * jnp.log1p(square / freedom)
+    likelihood = jax.nn.logsumexp(jnp.where(heavy, tail, weights.height - 0.5 * square))
+    data, prior_part = hessian
+    share = jnp.where(heavy, whole / (freedom + jnp.min(square)), 1.0)
+    spread, log_det = inverse_small(share * data + prior_part)
     prior = log_prior(logs, present, weights.spread, weights.concentration)
-    volume = 0.5 * present.sum() * jnp.log(2.0 * jnp.pi) - 0.5 * log_det
+    volume = 0.5 * present.sum(dtype=logs.dtype) * jnp.log(2.0 * jnp.pi) - 0.5 * log_det
     return likelihood + prior + volume, spread
 
 

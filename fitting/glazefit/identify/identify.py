@@ -19,21 +19,28 @@ from glazejax.geometry import Geometry, resolve_instrument
 from glazejax.paint.media import MAX_THICKNESS
 
 from ..film.errors import (
+    BETWEEN_FILMS,
+    REJECTED,
+    UNSEEN,
     Discrepancy,
     Prior,
-    log_none,
-    model_covariance,
+    error_modes,
+    log_odds_of_none,
     noise_covariance,
     relative_errors,
 )
 from ..film.films import Films, Instrument, Noise, cards
 from ..film.optics import Optics
 from ..film.response import film_response
-from .result import POOR_FIT, RARE, Identification, Pool
+from .result import Identification, Pool
 from .screen import Paints
-from .search import CHUNK, first_starts, search_chunk
+from .search import CHUNK, first_starts, near_sd, search_chunk
 from .task import IdentificationTask, Measured, check_pigments, check_spectra
 
+# Candidates whose colour is compared with the film's.
+_LOOKED_AT = 40
+# Delta E00 for a residual's root mean square of 1, in the middle of the films that were left out.
+_COLOUR_OF_RMSE = 130.0
 # Scattering optical thickness of a film that hides its ground.
 _OPAQUE = 200.0
 
@@ -66,8 +73,8 @@ def identify_chunks(
             unknown.
         instrument: by default d:8 with the specular part, index 1.5.
         geometry: replaces the instrument's, such as `glazejax.Bidirectional(45, 0)` for one without a sphere.
-        noise: of a reading.
-        discrepancy: of the model; see `glazefit.film.errors.Discrepancy`.
+        noise: of a reading; where the spectra themselves are rougher, their roughness counts.
+        discrepancy: of the model; by default `glazefit.film.errors.BETWEEN_FILMS`.
         prior: what is expected beforehand.
         max_paints: largest set, 1 to 3.
         layers: 2 tries the best sets as two coats too, in both orders.
@@ -78,14 +85,14 @@ def identify_chunks(
         ValueError: shapes that do not match, values that are not reflectances, an empty catalogue, repeated names.
     """
     instrument, noise, prior = resolve_instrument(instrument, geometry), noise or Noise(), prior or Prior()
-    discrepancy = discrepancy or Discrepancy()
+    discrepancy = discrepancy or BETWEEN_FILMS
     if max_paints not in (1, 2, 3):
         raise ValueError(f"max_paints is {max_paints}; sets of 1, 2 or 3 paints can be tried")
     if layers not in (1, 2):
         raise ValueError(f"layers is {layers}; one coat or two can be tried")
     if layers == 2 and grounds is None:
         raise ValueError("two coats need to know the ground; an opaque film shows its top coat only: use layers=1")
-    measured = check_spectra(spectra, wavelengths, grounds, names)
+    measured = check_spectra(spectra, wavelengths, grounds, names, noise)
     known = check_pigments(pigments, measured.wavelengths)
     if grounds is None:
         prior = _opaque(prior, known)
@@ -93,6 +100,7 @@ def identify_chunks(
         film_response(instrument.geometry, instrument.refractive_index),
         _paints(known, prior.thickness),
         relative_errors(known, discrepancy),
+        error_modes(known, discrepancy),
         measured.wavelengths,
         Optics.of(instrument.geometry, instrument.refractive_index),
         instrument.seen_surface,
@@ -113,16 +121,22 @@ def _weigh(
     task: IdentificationTask, pool: Pool, measured: Measured, names: tuple[str, ...], opaque: bool, keep: int
 ) -> Identification:
     """Probabilities of all candidates and of none, and the best candidates in full."""
-    nothing = log_none(measured.readings, task.noise.sd(measured.readings), task.wavelengths)
-    nothing = task.discrepancy.trust * nothing + np.log(task.prior.unknown)
     weight = np.where(np.isfinite(pool.log_weight), pool.log_weight, -np.inf)
     gloss = _gloss(task, measured, pool)
     fitted = pool.readings + gloss[..., None] * task.surface
-    misfit = np.sqrt(np.mean((measured.readings.reshape(len(measured), 1, -1) - fitted) ** 2, axis=-1))
-    # Few films that were left out of the fit missed by more: what fits badly is improbable beforehand.
-    weight = weight + np.where(misfit > POOR_FIT, np.log(RARE), 0.0)
-    total = logsumexp(np.concatenate([weight, nothing[:, None]], axis=1), axis=1)
-    probability = np.exp(weight - np.asarray(total)[:, None])
+    # Before the misfit is looked at: how probable each is if the film is of the catalogue's paints.
+    share = np.exp(weight - np.asarray(logsumexp(weight, axis=1))[:, None])
+    off = _misfit(measured, fitted.reshape(*weight.shape, *measured.readings.shape[1:]), share)
+    # Differences that nobody sees count alike: what fits best is not for that more likely to be there.
+    odds = share * np.exp(-log_odds_of_none(np.maximum(off, UNSEEN))) * (1.0 - task.prior.unknown)
+    # A fit that a person rejects by eye is never more probable than none.
+    odds = np.where(off > REJECTED, np.minimum(odds, share * task.prior.unknown), odds)
+    # The better the film is met, the less probable is none, also below what is seen.
+    kept = odds / odds.sum(axis=1, keepdims=True)
+    met = np.exp(np.sum(np.where(kept > 0, kept * np.log(np.clip(off, 0.1, 100.0)), 0.0), axis=1))
+    none = task.prior.unknown * np.exp(log_odds_of_none(np.minimum(met, UNSEEN)) - log_odds_of_none(UNSEEN))
+    total = odds.sum(axis=1) + none
+    probability = odds / total[:, None]
     present = pool.members[..., None] == np.arange(len(names))
     best = np.argsort(-probability, axis=1, kind="stable")[:, :keep]
     top = pool.take(best)
@@ -135,7 +149,7 @@ def _weigh(
         amounts=np.exp(top.logs) * task.prior.thickness,
         log_covariance=top.covariance,
         probability=np.take_along_axis(probability, best, axis=1),
-        none=np.exp(nothing - np.asarray(total)),
+        none=none / total,
         paint_probability=np.einsum("sc,scmp->sp", probability, present),
         gloss=np.take_along_axis(gloss, best, axis=1),
         fitted=fitted.reshape(*best.shape, *measured.readings.shape[1:]),
@@ -143,11 +157,29 @@ def _weigh(
     )
 
 
+def _misfit(
+    measured: Measured, fitted: Float[np.ndarray, "spectra candidates grounds bands"], share: np.ndarray
+) -> Float[np.ndarray, "spectra candidates"]:
+    """Delta E00 of the candidates, the larger over the grounds; a size like it where the bands give no colour."""
+    from glazejax.colour import delta_e_of_spectra
+
+    # Only of candidates that matter: the colour of a spectrum costs as much as its fit.
+    few = np.argsort(-share, axis=1, kind="stable")[:, :_LOOKED_AT]
+    rows = np.arange(len(measured))[:, None]
+    seen, computed = measured.readings[:, None], fitted[rows, few]
+    try:
+        each = delta_e_of_spectra(measured.wavelengths, seen, computed, observer=10).max(axis=-1)
+    except ValueError:
+        each = _COLOUR_OF_RMSE * np.sqrt(np.mean((seen - computed) ** 2, axis=(-1, -2)))
+    off = np.full(share.shape, np.inf)
+    off[rows, few] = each
+    return off
+
+
 def _gloss(task: IdentificationTask, measured: Measured, pool: Pool) -> Float[np.ndarray, "spectra candidates"]:
     """Share of the surface's reflection that each candidate's residual speaks for."""
     seen, d = task.surface, task.discrepancy
-    model = model_covariance(task.wavelengths, measured.readings.shape[1], d, d.screening)
-    matrix = noise_covariance(task.noise.sd(measured.readings), seen, d) + model
+    matrix = noise_covariance(near_sd(measured), seen, d)
     lever = np.linalg.solve(matrix, np.ones((*matrix.shape[:2], 1)))[..., 0]
     off = task.target(measured.readings)[:, None] - pool.readings
     return np.maximum(d.gloss + d.gloss_sd**2 * seen * np.einsum("scr,sr->sc", off, lever), 0.0)

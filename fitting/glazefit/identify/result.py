@@ -66,13 +66,6 @@ def percent(fraction: float) -> str:
     return f"{value:.{digits}f} %"
 
 
-POOR_FIT = 0.06
-"""Root mean square of a residual above which a film explains nothing."""
-
-RARE = 0.05
-"""Share of films, left out of the fit, that were missed by more, though their paints are known."""
-
-
 @dataclass(frozen=True)
 class Pool:
     """Candidates of some spectra, not yet compared; three places each, filled up with `NOBODY`."""
@@ -141,12 +134,8 @@ class Identification:
 
     @property
     def explained(self) -> np.ndarray:
-        """Whether some film of the catalogue's paints is more probable than none, and fits, (spectra,).
-
-        Probabilities compare hypotheses; they do not say that the best of them is good. A residual above `POOR_FIT`
-        is larger than those of nineteen in twenty films that were left out of the fit (`benchmarks/identification.py`).
-        """
-        return (self.none < 0.5) & (self.rmse[:, 0] <= POOR_FIT)
+        """Whether films of the catalogue's paints are together more probable than none, (spectra,)."""
+        return self.none < 0.5
 
     @cached_property
     def fractions(self) -> Float[np.ndarray, "spectra candidates 3"]:
@@ -224,9 +213,10 @@ class Identification:
         """Why nothing explains a spectrum."""
         best = self.ranked(row, 1)[0]
         start = "nothing in the catalogue explains this"
-        if self.none[row] >= 0.5:
-            return f"{start} (probability {self.none[row]:.0%}); most probable of its films: {best.words}"
-        return f"{start}: the most probable film, {best.words}, is off by {best.rmse:.3f} RMSE"
+        return (
+            f"{start} (probability {self.none[row]:.0%}); the nearest of its films, {best.words}, is off by "
+            f"Delta E00 {best.delta_e:.1f}"
+        )
 
     @classmethod
     def join(cls, parts: Sequence["Identification"]) -> "Identification":
@@ -237,6 +227,7 @@ class Identification:
             first.measured.wavelengths,
             np.concatenate([part.measured.readings for part in parts]),
             np.concatenate([part.measured.grounds for part in parts]),
+            np.concatenate([part.measured.noise_sd for part in parts]),
         )
         arrays = ("members", "coats", "amounts", "log_covariance", "probability", "none", "paint_probability", "gloss")
         joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in (*arrays, "fitted")}

@@ -12,6 +12,7 @@ from ..film.errors import (
     Whitening,
     coefficient_covariance,
     model_covariance,
+    modes_covariance,
     noise_covariance,
     whiten,
 )
@@ -26,7 +27,7 @@ from .screen import (
     sets_of,
     unique_best,
 )
-from .task import IdentificationTask, Measured
+from .task import TYPICAL_READING, IdentificationTask, Measured
 from .two_coats import fit_stacks, orders, stack_slopes, stack_starts
 
 CHUNK = 16
@@ -35,6 +36,10 @@ CHUNK = 16
 _SCREENED = 256
 _KEPT_PAIRS, _GROWN_PAIRS, _KEPT_TRIPLES, _STACKED = 40, 12, 40, 8
 _ROUNDS = 2
+# What counts as near when amounts are shown: near black, and for each unit of reflectance.
+_NEAR, _NEAR_SHARE = 0.005, 0.02
+# Error while candidates are looked for, at a reading of 0 over that at a middling one.
+_DARK = 0.1
 # Candidates fitted with errors of their own, and again, by the largest size of a set.
 _REFINED = {1: (8, 3), 2: (12, 4), 3: (20, 6)}
 # Grounds that differ by less share a screening; each film is then fitted with its own.
@@ -48,39 +53,47 @@ class SetStarts(NamedTuple):
     logs: Float[np.ndarray, "spectra sets size"]
 
 
-def weights_of(
-    task: IdentificationTask, readings: Float[np.ndarray, "spectra grounds bands"], errors: Whitening
-) -> Weights:
+def weights_of(task: IdentificationTask, some: Measured, errors: Whitening) -> Weights:
     """Errors and prior of some spectra, or of some candidates for each, which the errors' leading axes say."""
     batch = errors.height.shape[:-1]
-    target = task.target(readings).reshape(len(readings), *[1] * (len(batch) - 1), -1)
+    target = task.target(some.readings).reshape(len(some), *[1] * (len(batch) - 1), -1)
     target = np.broadcast_to(target, (*batch, target.shape[-1]))
-    alike = [np.full(batch, value) for value in (task.prior.spread, task.prior.concentration)]
+    d, span = task.discrepancy, float(np.ptp(task.wavelengths))
+    count = min(max(span / d.apart, 1.0), target.shape[-1])
+    numbers = (task.prior.spread, task.prior.concentration, d.freedom or 0.0, count)
+    alike = [np.full(batch, value) for value in numbers]
     parts = (target, errors.basis, errors.height, *alike)
     return Weights(*(jnp.asarray(a, float) for a in parts))
 
 
-def alike_errors(task: IdentificationTask, readings: Float[np.ndarray, "spectra grounds bands"]) -> Whitening:
+def alike_errors(task: IdentificationTask, some: Measured) -> Whitening:
     """Errors while candidates are looked for: the same for all candidates of a spectrum."""
     d = task.discrepancy
-    model = model_covariance(task.wavelengths, readings.shape[1], d, d.screening)
-    fixed = noise_covariance(task.noise.sd(readings), task.surface, d)
+    # Smaller on dark films, whose readings differ by little.
+    off = d.screening * (_DARK + some.readings.reshape(len(some), -1) / TYPICAL_READING)
+    model = model_covariance(task.wavelengths, some.readings.shape[1], d, off)
+    fixed = noise_covariance(some.noise_sd, task.surface, d)
     return whiten(fixed, np.broadcast_to(model, fixed.shape), d)
 
 
 def own_errors(
     task: IdentificationTask,
-    readings: Float[np.ndarray, "spectra grounds bands"],
+    some: Measured,
     sets: Int[np.ndarray, "spectra sets size"],
     slopes: Float[np.ndarray, "spectra sets errors readings"],
 ) -> Whitening:
     """Errors of each candidate, from what its paints' coefficients do to the readings."""
     d = task.discrepancy
     # In the order of the slopes: k of all paints, then s; the slopes of paints that are not there are 0.
-    known = np.concatenate([task.errors[np.maximum(sets, 0), part] for part in (0, 1)], axis=-2)
-    model = model_covariance(task.wavelengths, readings.shape[1], d, d.amplitude)
-    fixed = noise_covariance(task.noise.sd(readings), task.surface, d)[:, None]
+    members = np.maximum(sets, 0)
+    known = np.concatenate([task.errors[members, part] for part in (0, 1)], axis=-2)
+    off = d.amplitude + d.share * some.readings.reshape(len(some), -1)
+    model = model_covariance(task.wavelengths, some.readings.shape[1], d, off)[:, None]
+    fixed = noise_covariance(some.noise_sd, task.surface, d)[:, None]
     scaled = model + coefficient_covariance(slopes, known, task.wavelengths, d)
+    if task.modes.shape[-1]:
+        modes = np.concatenate([task.modes[members, part] for part in (0, 1)], axis=-3)
+        scaled = scaled + modes_covariance(slopes, modes)
     return whiten(np.broadcast_to(fixed, scaled.shape), scaled, d)
 
 
@@ -127,8 +140,9 @@ def search_chunk(
     """Fitted candidates of some spectra, at most `CHUNK`."""
     # Few sizes, so that little is compiled.
     padded = np.resize(rows, CHUNK if len(rows) > 1 else 1)
-    readings, ground = measured.readings[padded], jnp.asarray(measured.grounds[padded], float)
-    weights = weights_of(task, readings, alike_errors(task, readings))
+    some = measured.take(padded)
+    ground = jnp.asarray(some.grounds, float)
+    weights = weights_of(task, some, alike_errors(task, some))
     pool: Pool | None = None
     last = None
     for start in starts:
@@ -138,26 +152,26 @@ def search_chunk(
     assert pool is not None
     assert last is not None
     if task.max_paints == 3 and task.known >= 3:
-        start, new = _grown(task, *last, measured.readings[padded], ground)
+        start, new = _grown(task, *last, some.readings, ground)
         triples = _pool(task, start.sets, _fit(task, start, ground, weights))
         triples.log_weight[~new] = -np.inf
         pool = pool.merged(triples)
     looked_at = pool
-    pool = _nearest(task, _refined(task, pool, readings, ground), readings, ground)
+    pool = _nearest(task, _refined(task, pool, some, ground), some, ground)
     if task.layers == 2 and task.max_paints > 1 and task.known > 1:
-        pool = _stacked(task, pool, looked_at, readings, ground, weights)
+        pool = _stacked(task, pool, looked_at, some, ground, weights)
     return pool.take(np.broadcast_to(np.arange(pool.log_weight.shape[1]), (len(rows), pool.log_weight.shape[1])))
 
 
-def _refined(task: IdentificationTask, pool: Pool, readings: np.ndarray, ground: jax.Array) -> Pool:
+def _refined(task: IdentificationTask, pool: Pool, some: Measured, ground: jax.Array) -> Pool:
     """The best of the pool fitted again with errors of each candidate's own, and the very best once more."""
     many, few = _REFINED[task.max_paints]
-    pool = _refit(task, pool.best(many), readings, ground)
+    pool = _refit(task, pool.best(many), some, ground)
     order = np.argsort(-pool.log_weight, axis=1, kind="stable")
-    return _refit(task, pool.take(order[:, :few]), readings, ground).merged(pool.take(order[:, few:]))
+    return _refit(task, pool.take(order[:, :few]), some, ground).merged(pool.take(order[:, few:]))
 
 
-def _nearest(task: IdentificationTask, pool: Pool, readings: np.ndarray, ground: jax.Array) -> Pool:
+def _nearest(task: IdentificationTask, pool: Pool, some: Measured, ground: jax.Array) -> Pool:
     """The pool with amounts that come near the readings, as a mixture is shown.
 
     With errors of its paints' coefficients allowed, the most probable amounts may leave to those errors what other
@@ -165,17 +179,22 @@ def _nearest(task: IdentificationTask, pool: Pool, readings: np.ndarray, ground:
     """
     d = task.discrepancy
     # Errors that are not alike at neighbouring bands: a smooth one would be excused.
-    noise = noise_covariance(np.hypot(task.noise.sd(readings), d.amplitude), task.surface, d)
-    near = weights_of(task, readings, whiten(noise, np.zeros_like(noise), d))
+    noise = noise_covariance(near_sd(some), task.surface, d)
+    near = weights_of(task, some, whiten(noise, np.zeros_like(noise), d))
     fitted = fit_sets(task.response, task.paints, *_sets_and_logs(pool), ground, near, task.middle)
     return _moved(pool, fitted)
 
 
-def _refit(task: IdentificationTask, pool: Pool, readings: np.ndarray, ground: jax.Array) -> Pool:
+def near_sd(some: Measured) -> Float[np.ndarray, "spectra grounds bands"]:
+    """What counts as near to each reading when amounts and gloss are shown."""
+    return np.hypot(some.noise_sd, _NEAR + _NEAR_SHARE * some.readings)
+
+
+def _refit(task: IdentificationTask, pool: Pool, some: Measured, ground: jax.Array) -> Pool:
     """All of a pool, with the errors that its paints' coefficients cause where it stands."""
     sets, logs = _sets_and_logs(pool)
     slopes = np.asarray(coat_slopes(task.response, task.paints, sets, logs, ground))
-    weights = weights_of(task, readings, own_errors(task, readings, pool.members, slopes))
+    weights = weights_of(task, some, own_errors(task, some, pool.members, slopes))
     fitted = fit_sets(task.response, task.paints, sets, logs, ground, weights, task.middle, own=True)
     size = (pool.members != NOBODY).sum(axis=-1)
     share = np.asarray([-np.inf, *(task.log_set(n) for n in range(1, task.max_paints + 1))])
@@ -251,7 +270,7 @@ def _grown(
 
 
 def _stacked(
-    task: IdentificationTask, pool: Pool, looked_at: Pool, readings: np.ndarray, ground: jax.Array, weights: Weights
+    task: IdentificationTask, pool: Pool, looked_at: Pool, some: Measured, ground: jax.Array, weights: Weights
 ) -> Pool:
     """The pool with the best sets of two and three paints that were looked at as two coats too."""
     pool.log_weight[(pool.members != NOBODY).sum(axis=-1) > 1] += np.log1p(-task.prior.stacked)
@@ -264,7 +283,7 @@ def _stacked(
         sets = np.take_along_axis(looked_at.members, best[..., None], axis=1)[..., :paints]
         sets = np.repeat(sets, len(ways), axis=1)
         coats = np.broadcast_to(np.tile(ways, (keep, 1)), sets.shape)
-        fitted = _fit_stacks(task, sets, coats, readings, ground, weights)
+        fitted = _fit_stacks(task, sets, coats, some, ground, weights)
         stacks = _pool(task, sets, fitted, coats, np.log(task.prior.stacked / len(ways)))
         struck = ~np.isfinite(np.take_along_axis(weight, best, axis=1))
         stacks.log_weight[np.repeat(struck, len(ways), axis=1)] = -np.inf
@@ -276,7 +295,7 @@ def _fit_stacks(
     task: IdentificationTask,
     sets: np.ndarray,
     coats: np.ndarray,
-    readings: np.ndarray,
+    some: Measured,
     ground: jax.Array,
     weights: Weights,
 ) -> Fitted:
@@ -286,7 +305,7 @@ def _fit_stacks(
     fitted = None
     for _ in range(_ROUNDS):
         slopes = np.asarray(stack_slopes(*films, logs, ground, task.optics))
-        own = weights_of(task, readings, own_errors(task, readings, sets, slopes))
+        own = weights_of(task, some, own_errors(task, some, sets, slopes))
         fitted = fit_stacks(*films, logs, ground, own, task.optics, task.middle)
         logs = fitted.logs
     assert fitted is not None

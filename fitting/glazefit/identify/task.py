@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import ArrayLike, Float, Int
@@ -10,7 +10,7 @@ from jaxtyping import ArrayLike, Float, Int
 from glazejax import Pigment
 from glazejax.spectra import validate_wavelengths
 
-from ..film.errors import Discrepancy, Prior, model_covariance, noise_covariance, whitening
+from ..film.errors import Discrepancy, Prior, model_covariance, noise_covariance, roughness, whitening
 from ..film.films import Noise
 from ..film.optics import Optics
 from ..film.response import FilmResponse
@@ -20,7 +20,7 @@ _TOO_BRIGHT = 1.5
 """Above this a reflectance is a mistake, such as percent; below, it may be a highlight or a calibration."""
 
 # Of the errors that rank sets of paints before each is fitted.
-_TYPICAL_READING = 0.3
+TYPICAL_READING = 0.3
 
 UNSEEN_GROUND = 0.5
 """Ground under films that hide it."""
@@ -35,24 +35,26 @@ class Measured:
         wavelengths: (bands,), nm.
         readings: reflectance, (spectra, grounds, bands).
         grounds: internal reflectance under the paint, the same shape.
+        noise_sd: of the readings, the same shape: what the instrument is said to have, or what the spectra show.
     """
 
     names: tuple[str, ...]
     wavelengths: Float[np.ndarray, "bands"]
     readings: Float[np.ndarray, "spectra grounds bands"]
     grounds: Float[np.ndarray, "spectra grounds bands"]
+    noise_sd: Float[np.ndarray, "spectra grounds bands"]
 
     def __len__(self) -> int:
         return len(self.names)
 
-    def take(self, rows: Int[np.ndarray, "rows"]) -> Self:
+    def take(self, rows: Int[np.ndarray, "rows"]) -> "Measured":
         """Some of the spectra, by number."""
         names = tuple(self.names[i] for i in rows)
-        return type(self)(names, self.wavelengths, self.readings[rows], self.grounds[rows])
+        return type(self)(names, self.wavelengths, self.readings[rows], self.grounds[rows], self.noise_sd[rows])
 
 
 def check_spectra(
-    spectra: ArrayLike, wavelengths: ArrayLike, grounds: ArrayLike | None, names: Sequence[str] | None
+    spectra: ArrayLike, wavelengths: ArrayLike, grounds: ArrayLike | None, names: Sequence[str] | None, noise: Noise
 ) -> Measured:
     """Spectra and grounds as (spectra, grounds, bands); see `glazefit.identify.identify.identify_chunks`.
 
@@ -96,7 +98,8 @@ def check_spectra(
     if not ((ground >= 0) & (ground <= 1)).all():
         value = ground[~((ground >= 0) & (ground <= 1))][0]
         raise ValueError(f"a ground's internal reflectance is {value:g}; it must lie in [0, 1]")
-    return Measured(labels, grid, readings, ground)
+    seen = roughness(readings).max(axis=-1)[:, None, None]
+    return Measured(labels, grid, readings, ground, np.maximum(noise.sd(readings), seen))
 
 
 def check_pigments(pigments: Sequence[Pigment], wavelengths: Float[np.ndarray, "bands"]) -> list[Pigment]:
@@ -129,6 +132,7 @@ class IdentificationTask(NamedTuple):
     response: FilmResponse
     paints: Paints
     errors: Float[np.ndarray, "paints 2 bands"]  # relative, of the paints' k and s
+    modes: Float[np.ndarray, "paints 2 bands modes"]  # correlated errors of their logarithms
     wavelengths: Float[np.ndarray, "bands"]
     optics: Optics
     surface: float  # what a smooth surface adds to a reading
@@ -154,7 +158,7 @@ class IdentificationTask(NamedTuple):
 
     def common_whitening(self, grounds: int) -> Float[np.ndarray, "readings readings"]:
         """Of a reading of middling size, for the searches that only rank."""
-        sd = self.noise.sd(np.full((grounds, self.wavelengths.size), _TYPICAL_READING))
+        sd = self.noise.sd(np.full((grounds, self.wavelengths.size), TYPICAL_READING))
         model = model_covariance(self.wavelengths, grounds, self.discrepancy, self.discrepancy.screening)
         return whitening(noise_covariance(sd, self.surface, self.discrepancy) + model)[0]
 

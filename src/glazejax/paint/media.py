@@ -11,7 +11,6 @@ phase function is given.
 import functools
 import operator
 from collections.abc import Sequence
-from typing import Self
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -30,7 +29,7 @@ from ..spectra import (
     same_grid,
     validate_wavelengths,
 )
-from .phase import blended, legal_phase, stacked
+from .phase import Known, blended, legal_phase, stacked
 
 MAX_THICKNESS = 0.01
 # Below this extinction (1/m) a centimetre of paint is clear to 1e-14, and squares still fit in float32.
@@ -51,6 +50,16 @@ def _check_range(name: str, values: Numbers, low: float, high: float, hint: str 
         raise ValueError(f"{name} must be {bounds}, not {value:g}{hint if value > high else ''}")
 
 
+def _legal_modes(name: str, modes: Numbers, bands: int) -> Float[Array, "modes 2 bands"]:
+    values = as_array(modes)
+    if values.ndim != 3 or values.shape[1:] != (2, bands):
+        raise ValueError(f"error_modes of {name!r} have shape {values.shape}; they must be (modes, 2, {bands})")
+    known = concrete(values)
+    if known is not None and not np.all(np.isfinite(known)):
+        raise ValueError(f"error_modes of {name!r} must be finite")
+    return as_float_array(values)
+
+
 class Pigment(eqx.Module):
     """One paint: how strongly it absorbs and scatters at every wavelength.
 
@@ -63,6 +72,9 @@ class Pigment(eqx.Module):
             not, only their ratio is known. None if not stated.
         absorption_sd: (..., bands), standard deviation of k in 1/m, or None.
         scattering_sd: (..., bands), standard deviation of s in 1/m, or None.
+        error_modes: (modes, 2, bands), what the data leave open in log k and log s: with z standard normal, k exp(z
+            error_modes[:, 0]) and s exp(z error_modes[:, 1]) are as likely as k and s. Pigments of the same provenance
+            share z: their errors are correlated. None if not stated.
         phase: Legendre moments of the phase function (`glazejax.radiative.phase`), (terms,) or (bands, terms); None
             is isotropic scattering.
         provenance: where the numbers come from, and the assumed thickness if they rest on one.
@@ -76,6 +88,7 @@ class Pigment(eqx.Module):
     scattering: Float[Array, "*batch bands"]
     absorption_sd: Float[Array, "*batch bands"] | None
     scattering_sd: Float[Array, "*batch bands"] | None
+    error_modes: Float[Array, "modes 2 bands"] | None
     phase: Float[Array, "*bands terms"] | None
     provenance: str = eqx.field(static=True)
     # Tuples, because what is static must be hashable, and booleans as leaves would break jax.grad.
@@ -92,6 +105,7 @@ class Pigment(eqx.Module):
         identifiable: Grid | None = None,
         absorption_sd: Spectra | None = None,
         scattering_sd: Spectra | None = None,
+        error_modes: Numbers | None = None,
         phase: Numbers | None = None,
         provenance: str = "",
     ):
@@ -112,6 +126,7 @@ class Pigment(eqx.Module):
         self.scattering = spectrum("scattering", scattering)
         self.absorption_sd = None if absorption_sd is None else spectrum("absorption_sd", absorption_sd)
         self.scattering_sd = None if scattering_sd is None else spectrum("scattering_sd", scattering_sd)
+        self.error_modes = None if error_modes is None else _legal_modes(name, error_modes, grid.size)
         self.phase = None if phase is None else legal_phase(repr(name), phase, grid.size)
         self.provenance = provenance
         self._grid = tuple(grid.tolist())
@@ -133,7 +148,7 @@ class Pigment(eqx.Module):
         """Where both k and s are determined by the data, (bands,), or None if not stated."""
         return None if self._identifiable is None else np.asarray(self._identifiable)
 
-    def resample(self, wavelengths: Grid) -> Self:
+    def resample(self, wavelengths: Grid) -> "Pigment":
         """The same paint on another grid (nm), by linear interpolation.
 
         A new band counts as identifiable if the old bands that it is interpolated from are.
@@ -143,7 +158,7 @@ class Pigment(eqx.Module):
         """
         matrix = interpolation_matrix(self.wavelengths, wavelengths)
 
-        def at(values: Float[Array, "*batch bands"] | None) -> Float[Array, "*batch new"] | None:
+        def at(values: Float[Array, "... bands"] | None) -> Float[Array, "... new"] | None:
             if values is None:
                 return None
             return jnp.matmul(values, jnp.asarray(matrix, dtype=values.dtype), precision="highest")
@@ -161,6 +176,7 @@ class Pigment(eqx.Module):
             identifiable=None if self.identifiable is None else ~np.any(matrix[~self.identifiable] > 0, axis=0),
             absorption_sd=at(self.absorption_sd),
             scattering_sd=at(self.scattering_sd),
+            error_modes=at(self.error_modes),
             phase=phase,
             provenance=self.provenance,
         )
@@ -238,11 +254,11 @@ class Mixture(eqx.Module):
         parts = [self.weights[..., i, None] * p.scattering for i, p in enumerate(self.pigments)]
         return blended([p.phase for p in self.pigments], parts)
 
-    def _blend(self, spectra: Sequence[Float[Array, "*batch bands"]]) -> Float[Array, "*batch bands"]:
+    def _blend(self, spectra: Sequence[Float[Array, "... bands"]]) -> Float[Array, "*batch bands"]:
         """Sum of spectra, weighted."""
         return functools.reduce(operator.add, [self.weights[..., i, None] * values for i, values in enumerate(spectra)])
 
-    def resample(self, wavelengths: Grid) -> Self:
+    def resample(self, wavelengths: Grid) -> "Mixture":
         """The same mixture on another grid (nm); see `Pigment.resample`."""
         return type(self)([p.resample(wavelengths) for p in self.pigments], self.weights, self.name)
 
@@ -282,7 +298,7 @@ class Layer(eqx.Module):
         )
 
     @property
-    def phase(self) -> Float[Array, "*batch bands terms"] | None:
+    def phase(self) -> Float[Array, "*bands terms"] | None:
         """Legendre moments of the phase function, (..., bands or nothing, terms), or None for isotropic scattering."""
         return self.medium.phase if self._phase is None else self._phase
 
@@ -369,7 +385,7 @@ class Glaze(eqx.Module):
         )
 
     @property
-    def phase(self) -> Float[Array, "*batch bands layers terms"] | None:
+    def phase(self) -> Float[Known, "*batch bands layers terms"] | None:
         """Legendre moments of the layers' phase functions, (..., bands or 1, layers, terms); None: all isotropic."""
         return stacked([layer.phase for layer in self.layers])
 
