@@ -28,14 +28,6 @@ from glazefit.recover.joint import recover_jointly
 from glazejax import Hemispherical, catalogue
 from glazejax.commands.main import start_jax
 
-# The same pigment in another medium or from another maker.
-FAMILIES = {
-    "Eosin1Wax": "Eosin",
-    "Eosin2PbWax": "Eosin",
-    "ZincWhiteLinseed": "ZincWhite",
-    "ChromeYellowPoppyseed": "ChromeYellow",
-    "ChromeYellowOtero": "ChromeYellow",
-}
 UNIT = 25e-6
 BINS = (0.0, 0.02, 0.1, 0.3, 0.5, 0.7, 0.9, 0.98, 1.0001)
 
@@ -60,7 +52,7 @@ def family(recipe: dict[str, float]) -> dict[str, float]:
     """Fractions by pigment."""
     out: dict[str, float] = {}
     for paint, share in recipe.items():
-        name = FAMILIES.get(paint, paint)
+        name = catalogue.family(paint)
         out[name] = out.get(name, 0.0) + share
     return out
 

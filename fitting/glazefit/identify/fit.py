@@ -105,7 +105,7 @@ def _evidence(
 ) -> tuple[Array, Array]:
     """Laplace's log evidence of one candidate, summed over the scales of the discrepancy; and the covariance of u.
 
-    The misfit of a whole spectrum follows a Gaussian, or Student's t of `independent` readings in all: then a reading weighs
+    The misfit of a whole spectrum follows a Gaussian, or Student's t of `independent` readings in all: then each weighs
     the less the worse all are met.
     """
     off = jnp.einsum("srt,t->sr", weights.basis, weights.target - readings)

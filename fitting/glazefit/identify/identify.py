@@ -11,8 +11,7 @@ from dataclasses import replace
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import ArrayLike, Float
-from scipy.special import logsumexp
+from jaxtyping import ArrayLike, Bool, Float
 
 from glazejax import Hemispherical, Pigment
 from glazejax.geometry import Geometry, resolve_instrument
@@ -20,22 +19,20 @@ from glazejax.paint.media import MAX_THICKNESS
 
 from ..film.errors import (
     BETWEEN_FILMS,
-    REJECTED,
-    UNSEEN,
     Discrepancy,
     Prior,
     error_modes,
-    log_odds_of_none,
-    noise_covariance,
     relative_errors,
 )
 from ..film.films import Films, Instrument, Noise, cards
 from ..film.optics import Optics
 from ..film.response import film_response
-from .result import Identification, Pool
+from .result import Identification
 from .screen import Paints
-from .search import CHUNK, first_starts, near_sd, search_chunk
-from .task import IdentificationTask, Measured, check_pigments, check_spectra
+from .search import CHUNK, first_starts, search_chunk
+from .task import IdentificationTask, check_pigments, check_spectra
+from .untold import search_untold
+from .weigh import weigh
 
 # Candidates whose colour is compared with the film's.
 _LOOKED_AT = 40
@@ -94,95 +91,33 @@ def identify_chunks(
         raise ValueError("two coats need to know the ground; an opaque film shows its top coat only: use layers=1")
     measured = check_spectra(spectra, wavelengths, grounds, names, noise)
     known = check_pigments(pigments, measured.wavelengths)
-    if grounds is None:
-        prior = _opaque(prior, known)
-    task = IdentificationTask(
-        film_response(instrument.geometry, instrument.refractive_index),
-        _paints(known, prior.thickness),
-        relative_errors(known, discrepancy),
-        error_modes(known, discrepancy),
-        measured.wavelengths,
-        Optics.of(instrument.geometry, instrument.refractive_index),
-        instrument.seen_surface,
-        noise,
-        discrepancy,
-        prior,
-        min(max_paints, len(known)),
-        layers,
-    )
-    starts = first_starts(task, measured)
+
+    def task(opaque: bool) -> IdentificationTask:
+        expected = _opaque(prior, known) if opaque else prior
+        return IdentificationTask(
+            film_response(instrument.geometry, instrument.refractive_index),
+            _paints(known, expected.thickness),
+            relative_errors(known, discrepancy),
+            error_modes(known, discrepancy),
+            measured.wavelengths,
+            Optics.of(instrument.geometry, instrument.refractive_index),
+            instrument.seen_surface,
+            noise,
+            discrepancy,
+            expected,
+            hardly_seen(known, prior.thickness),
+            min(max_paints, len(known)),
+            layers,
+        )
+
+    told = grounds is None
+    tasks = {opaque: task(opaque) for opaque in (False, True)}
+    starts = first_starts(tasks[told], measured)
+    paints = tuple(pigment.name for pigment in known)
     for first in range(0, len(measured), CHUNK):
         rows = np.arange(first, min(first + CHUNK, len(measured)))
-        pool = search_chunk(task, measured, rows, starts)
-        yield _weigh(task, pool, measured.take(rows), tuple(p.name for p in known), grounds is None, keep)
-
-
-def _weigh(
-    task: IdentificationTask, pool: Pool, measured: Measured, names: tuple[str, ...], opaque: bool, keep: int
-) -> Identification:
-    """Probabilities of all candidates and of none, and the best candidates in full."""
-    weight = np.where(np.isfinite(pool.log_weight), pool.log_weight, -np.inf)
-    gloss = _gloss(task, measured, pool)
-    fitted = pool.readings + gloss[..., None] * task.surface
-    # Before the misfit is looked at: how probable each is if the film is of the catalogue's paints.
-    share = np.exp(weight - np.asarray(logsumexp(weight, axis=1))[:, None])
-    off = _misfit(measured, fitted.reshape(*weight.shape, *measured.readings.shape[1:]), share)
-    # Differences that nobody sees count alike: what fits best is not for that more likely to be there.
-    odds = share * np.exp(-log_odds_of_none(np.maximum(off, UNSEEN))) * (1.0 - task.prior.unknown)
-    # A fit that a person rejects by eye is never more probable than none.
-    odds = np.where(off > REJECTED, np.minimum(odds, share * task.prior.unknown), odds)
-    # The better the film is met, the less probable is none, also below what is seen.
-    kept = odds / odds.sum(axis=1, keepdims=True)
-    met = np.exp(np.sum(np.where(kept > 0, kept * np.log(np.clip(off, 0.1, 100.0)), 0.0), axis=1))
-    none = task.prior.unknown * np.exp(log_odds_of_none(np.minimum(met, UNSEEN)) - log_odds_of_none(UNSEEN))
-    total = odds.sum(axis=1) + none
-    probability = odds / total[:, None]
-    present = pool.members[..., None] == np.arange(len(names))
-    best = np.argsort(-probability, axis=1, kind="stable")[:, :keep]
-    top = pool.take(best)
-    fitted = np.take_along_axis(fitted, best[..., None], axis=1)
-    return Identification(
-        measured=measured,
-        paints=names,
-        members=top.members,
-        coats=top.coats,
-        amounts=np.exp(top.logs) * task.prior.thickness,
-        log_covariance=top.covariance,
-        probability=np.take_along_axis(probability, best, axis=1),
-        none=none / total,
-        paint_probability=np.einsum("sc,scmp->sp", probability, present),
-        gloss=np.take_along_axis(gloss, best, axis=1),
-        fitted=fitted.reshape(*best.shape, *measured.readings.shape[1:]),
-        opaque=opaque,
-    )
-
-
-def _misfit(
-    measured: Measured, fitted: Float[np.ndarray, "spectra candidates grounds bands"], share: np.ndarray
-) -> Float[np.ndarray, "spectra candidates"]:
-    """Delta E00 of the candidates, the larger over the grounds; a size like it where the bands give no colour."""
-    from glazejax.colour import delta_e_of_spectra
-
-    # Only of candidates that matter: the colour of a spectrum costs as much as its fit.
-    few = np.argsort(-share, axis=1, kind="stable")[:, :_LOOKED_AT]
-    rows = np.arange(len(measured))[:, None]
-    seen, computed = measured.readings[:, None], fitted[rows, few]
-    try:
-        each = delta_e_of_spectra(measured.wavelengths, seen, computed, observer=10).max(axis=-1)
-    except ValueError:
-        each = _COLOUR_OF_RMSE * np.sqrt(np.mean((seen - computed) ** 2, axis=(-1, -2)))
-    off = np.full(share.shape, np.inf)
-    off[rows, few] = each
-    return off
-
-
-def _gloss(task: IdentificationTask, measured: Measured, pool: Pool) -> Float[np.ndarray, "spectra candidates"]:
-    """Share of the surface's reflection that each candidate's residual speaks for."""
-    seen, d = task.surface, task.discrepancy
-    matrix = noise_covariance(near_sd(measured), seen, d)
-    lever = np.linalg.solve(matrix, np.ones((*matrix.shape[:2], 1)))[..., 0]
-    off = task.target(measured.readings)[:, None] - pool.readings
-    return np.maximum(d.gloss + d.gloss_sd**2 * seen * np.einsum("scr,sr->sc", off, lever), 0.0)
+        some, pool = measured.take(rows), search_chunk(tasks[told], measured, rows, starts)
+        yield weigh(some, search_untold(tasks, told, some, pool), paints, prior, told, keep)
 
 
 def identify(
@@ -238,6 +173,12 @@ def identify_films(
         geometry=geometry, noise=noise, discrepancy=discrepancy, prior=prior, max_paints=max_paints, layers=layers,
         names=films.names, keep=keep,
     )  # fmt: skip
+
+
+def hardly_seen(pigments: Sequence[Pigment], thickness: float) -> Bool[np.ndarray, "paints"]:
+    """Which paints are extenders: a film of this thickness (m) lets most light through at every wavelength."""
+    depth = [[float(np.max(np.asarray(values))) for values in (p.absorption, p.scattering)] for p in pigments]
+    return thickness * np.sum(depth, axis=1) < 1.0
 
 
 def _opaque(prior: Prior, pigments: Sequence[Pigment]) -> Prior:

@@ -40,9 +40,9 @@ def print_identification(found: Identification, console: Console, top: int, deta
     for row in range(min(detailed, len(found))):
         console.print(_table(found, row, top))
         console.print(f"[bold]{_verdict(found, row)}[/bold]")
-        doubt = doubtful(found, row)
-        if doubt:
-            console.print(f"[dim]{doubt}[/dim]")
+        for doubt in (untold(found, row), doubtful(found, row)):
+            if doubt:
+                console.print(f"[dim]{doubt}[/dim]")
         console.print()
     for row in range(detailed, len(found)):
         console.print(found.words(row), markup=False)
@@ -52,8 +52,17 @@ def _verdict(found: Identification, row: int) -> str:
     if not found.explained[row]:
         words = found.unexplained(row)
         return f"{words[0].upper()}{words[1:]}."
-    best = found.ranked(row, 1)[0]
-    return f"Most probable: {best.words}. That none of these paints explain it: {found.none[row]:.1%}."
+    best, (pigments, chance) = found.ranked(row, 1)[0], found.families(row)[0]
+    words = f"Pigments: {' + '.join(pigments)} ({chance:.0%}). Most probable film: {best.words}."
+    return f"{words} That none of these paints explain it: {found.none[row]:.1%}."
+
+
+def untold(found: Identification, row: int) -> str:
+    """Paints of the first film that the spectrum does not tell from others, in words; empty if there are none."""
+    if not found.explained[row]:
+        return ""
+    pairs = [" or ".join((paint, *others)) for paint, others in found.not_told(row).items()]
+    return f"This spectrum does not tell: {'; '.join(pairs)}." if pairs else ""
 
 
 def doubtful(found: Identification, row: int, least: float = 0.05, most: float = 0.95) -> str:

@@ -1,12 +1,15 @@
 """What an identification found: a ranked list for each spectrum, and how sure it is."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
+from glazejax.catalogue import family
+
+from .conditions import CONDITIONS
 from .task import Measured
 
 NOBODY = -1
@@ -24,6 +27,7 @@ class Candidate:
         coats: coat of each paint, 0 the uppermost.
         thickness, thickness_sd: m, of all coats; NaN for films that hide their ground.
         probability: posterior.
+        condition: how the film lies if not as told, such as "under a yellowed varnish"; empty if as told.
         gloss: share of the surface's reflection in the readings.
         fitted, residual: computed readings and measured minus computed ones, (grounds, bands).
         rmse: of the residual.
@@ -38,6 +42,7 @@ class Candidate:
     thickness: float
     thickness_sd: float
     probability: float
+    condition: str
     gloss: float
     fitted: Float[np.ndarray, "grounds bands"]
     residual: Float[np.ndarray, "grounds bands"]
@@ -48,6 +53,11 @@ class Candidate:
     @property
     def words(self) -> str:
         """Such as ``90 % ZincWhite + 10 % Eosin``, or ``Eosin over ZincWhite (30 : 70)``."""
+        return self.mixture + (f", {self.condition}" if self.condition else "")
+
+    @property
+    def mixture(self) -> str:
+        """The words without the condition."""
         upper = [i for i, coat in enumerate(self.coats) if coat == 0]
         lower = [i for i, coat in enumerate(self.coats) if coat == 1]
         if len(self.paints) == 1:
@@ -76,6 +86,9 @@ class Pool:
     covariance: Float[np.ndarray, "spectra candidates 3 3"]
     log_weight: Float[np.ndarray, "spectra candidates"]  # log evidence and log prior of the set
     readings: Float[np.ndarray, "spectra candidates readings"]
+    allowed: Float[np.ndarray, "spectra candidates readings"]  # with what may be wrong with the paints' coefficients
+    gloss: Float[np.ndarray, "spectra candidates"]
+    condition: Int[np.ndarray, "spectra candidates"]  # by number; see `conditions`
 
     def merged(self, other: "Pool") -> "Pool":
         """Candidates of both for the same spectra."""
@@ -84,7 +97,7 @@ class Pool:
     @property
     def parts(self) -> tuple[np.ndarray, ...]:
         """All arrays."""
-        return (self.members, self.coats, self.logs, self.covariance, self.log_weight, self.readings)
+        return tuple(getattr(self, field.name) for field in fields(self))
 
     def best(self, count: int) -> "Pool":
         """The most probable candidates of each spectrum."""
@@ -94,6 +107,20 @@ class Pool:
         """Some candidates of each spectrum, by number."""
         rows = np.arange(len(chosen))[:, None]
         return Pool(*(part[rows, chosen] for part in self.parts))
+
+    def of(self, rows: Int[np.ndarray, "rows"]) -> "Pool":
+        """Candidates of some of the spectra, by number."""
+        return Pool(*(part[rows] for part in self.parts))
+
+    def spread(self, rows: Int[np.ndarray, "rows"], count: int) -> "Pool":
+        """The same pool as that of some among `count` spectra; the others have nothing that can be so."""
+        parts = [np.zeros((count, *part.shape[1:]), part.dtype) for part in self.parts]
+        for part, mine in zip(parts, self.parts, strict=True):
+            part[rows] = mine
+        pool = Pool(*parts)
+        others = np.setdiff1d(np.arange(count), rows)
+        pool.log_weight[others], pool.members[others] = -np.inf, NOBODY
+        return pool
 
 
 @dataclass(frozen=True)
@@ -110,10 +137,14 @@ class Identification:
         log_covariance: of the log amounts, (spectra, candidates, 3, 3).
         probability: posterior, (spectra, candidates).
         none: posterior probability that the catalogue does not explain the spectrum, (spectra,).
+        misfit: what that is judged by, (spectra,): the candidates' mean Delta E00, where each is the geometric mean of
+            that of the fit and that with errors of its paints' coefficients allowed.
+        rejected: whether a person would reject the fit by eye, (spectra, candidates): Delta E00 above 4, noise aside.
         paint_probability: of each paint to be in the film, over all candidates looked at, (spectra, paints).
         gloss: share of the surface's reflection, (spectra, candidates).
         fitted: readings, (spectra, candidates, grounds, bands).
-        opaque: whether the films hide their ground.
+        condition: under which each was sought, a number of `conditions.CONDITIONS`; 0 is what was told.
+        opaque: whether the films were said to hide their ground.
     """
 
     measured: Measured
@@ -124,9 +155,12 @@ class Identification:
     log_covariance: Float[np.ndarray, "spectra candidates 3 3"]
     probability: Float[np.ndarray, "spectra candidates"]
     none: Float[np.ndarray, "spectra"]
+    misfit: Float[np.ndarray, "spectra"]
+    rejected: Bool[np.ndarray, "spectra candidates"]
     paint_probability: Float[np.ndarray, "spectra paints"]
     gloss: Float[np.ndarray, "spectra candidates"]
     fitted: Float[np.ndarray, "spectra candidates grounds bands"]
+    condition: Int[np.ndarray, "spectra candidates"]
     opaque: bool
 
     def __len__(self) -> int:
@@ -134,8 +168,11 @@ class Identification:
 
     @property
     def explained(self) -> np.ndarray:
-        """Whether films of the catalogue's paints are together more probable than none, (spectra,)."""
-        return self.none < 0.5
+        """Whether the catalogue explains a spectrum, (spectra,).
+
+        Its films are together more probable than none, and a person does not reject the first by eye.
+        """
+        return (self.none < 0.5) & ~self.rejected[:, 0]
 
     @cached_property
     def fractions(self) -> Float[np.ndarray, "spectra candidates 3"]:
@@ -175,6 +212,8 @@ class Identification:
         rmse, angle, delta_e, fractions = self.rmse, self.angle, self.delta_e, self.fractions
         out = []
         for n in range(self.probability.shape[1] if count is None else min(count, self.probability.shape[1])):
+            condition = CONDITIONS[self.condition[row, n]]
+            hidden = self.opaque if condition.opaque is None else condition.opaque
             here = np.flatnonzero(self.members[row, n] != NOBODY)
             order = here[np.lexsort((-fractions[row, n, here], self.coats[row, n, here]))]
             share, total = fractions[row, n], float(self.amounts[row, n].sum())
@@ -188,9 +227,10 @@ class Identification:
                     fractions=share[order],
                     fractions_sd=np.minimum(spread[order], 0.3),
                     coats=tuple(self.coats[row, n, order].tolist()),
-                    thickness=float("nan") if self.opaque else total,
-                    thickness_sd=float("nan") if self.opaque else thickness_sd,
+                    thickness=float("nan") if hidden else total,
+                    thickness_sd=float("nan") if hidden else thickness_sd,
                     probability=float(self.probability[row, n]),
+                    condition=condition.words,
                     gloss=float(self.gloss[row, n]),
                     fitted=self.fitted[row, n],
                     residual=self.residual[row, n],
@@ -199,6 +239,33 @@ class Identification:
                     delta_e=float(delta_e[row, n]),
                 )
             )
+        return out
+
+    def families(self, row: int) -> list[tuple[tuple[str, ...], float]]:
+        """Sets of pigments, medium and maker aside, and their probabilities by the candidates kept; largest first."""
+        chances: dict[frozenset[str], float] = {}
+        words: dict[frozenset[str], tuple[str, ...]] = {}
+        for candidate in self.ranked(row):
+            names = tuple(dict.fromkeys(family(paint) for paint in candidate.paints))
+            words.setdefault(frozenset(names), names)
+            chances[frozenset(names)] = chances.get(frozenset(names), 0.0) + candidate.probability
+        return [(words[names], chances[names]) for names in sorted(chances, key=lambda names: -chances[names])]
+
+    def not_told(self, row: int, least: float = 0.2) -> dict[str, list[str]]:
+        """Paints of the first candidate -> others that may stand in their place, most probable first.
+
+        Args:
+            row: the spectrum.
+            least: share of the first candidate's probability that a film with another paint must have.
+        """
+        ranked = self.ranked(row)
+        first, own = ranked[0], set(ranked[0].paints)
+        out: dict[str, list[str]] = {}
+        for candidate in ranked[1:]:
+            gone, new = own - set(candidate.paints), set(candidate.paints) - own
+            if len(gone) == len(new) == 1 and candidate.probability >= least * first.probability:
+                others = out.setdefault(gone.pop(), [])
+                others.extend(new - set(others))
         return out
 
     def words(self, row: int) -> str:
@@ -222,14 +289,20 @@ class Identification:
     def join(cls, parts: Sequence["Identification"]) -> "Identification":
         """Identifications of several batches with the same catalogue as one."""
         first = parts[0]
-        measured = Measured(
-            tuple(name for part in parts for name in part.measured.names),
-            first.measured.wavelengths,
-            np.concatenate([part.measured.readings for part in parts]),
-            np.concatenate([part.measured.grounds for part in parts]),
-            np.concatenate([part.measured.noise_sd for part in parts]),
+        measured = Measured.join([part.measured for part in parts])
+        arrays = (
+            "members",
+            "coats",
+            "amounts",
+            "log_covariance",
+            "probability",
+            "none",
+            "misfit",
+            "rejected",
+            "paint_probability",
+            "gloss",
+            "condition",
         )
-        arrays = ("members", "coats", "amounts", "log_covariance", "probability", "none", "paint_probability", "gloss")
         joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in (*arrays, "fitted")}
         return cls(measured=measured, paints=first.paints, opaque=first.opaque, **joined)
 

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..film.errors import (
+    Discrepancy,
     Whitening,
     coefficient_covariance,
     model_covariance,
@@ -58,12 +59,16 @@ def weights_of(task: IdentificationTask, some: Measured, errors: Whitening) -> W
     batch = errors.height.shape[:-1]
     target = task.target(some.readings).reshape(len(some), *[1] * (len(batch) - 1), -1)
     target = np.broadcast_to(target, (*batch, target.shape[-1]))
-    d, span = task.discrepancy, float(np.ptp(task.wavelengths))
-    count = min(max(span / d.apart, 1.0), target.shape[-1])
-    numbers = (task.prior.spread, task.prior.concentration, d.freedom or 0.0, count)
+    freedom = task.discrepancy.freedom or 0.0
+    numbers = (task.prior.spread, task.prior.concentration, freedom, min(independent(task), target.shape[-1]))
     alike = [np.full(batch, value) for value in numbers]
     parts = (target, errors.basis, errors.height, *alike)
     return Weights(*(jnp.asarray(a, float) for a in parts))
+
+
+def independent(task: IdentificationTask) -> float:
+    """Readings that count as independent where candidates are weighed; see `Discrepancy.apart`."""
+    return max(float(np.ptp(task.wavelengths)) / task.discrepancy.apart, 1.0)
 
 
 def alike_errors(task: IdentificationTask, some: Measured) -> Whitening:
@@ -72,8 +77,16 @@ def alike_errors(task: IdentificationTask, some: Measured) -> Whitening:
     # Smaller on dark films, whose readings differ by little.
     off = d.screening * (_DARK + some.readings.reshape(len(some), -1) / TYPICAL_READING)
     model = model_covariance(task.wavelengths, some.readings.shape[1], d, off)
-    fixed = noise_covariance(some.noise_sd, task.surface, d)
+    fixed = fixed_errors(task, some, some.noise_sd)
     return whiten(fixed, np.broadcast_to(model, fixed.shape), d)
+
+
+def fixed_errors(
+    task: IdentificationTask, some: Measured, noise_sd: Float[np.ndarray, "spectra grounds bands"]
+) -> Float[np.ndarray, "spectra readings readings"]:
+    """Covariance of noise, of the surface's reflection and of what else is in doubt about the readings."""
+    doubt = some.doubt.reshape(*some.doubt.shape[:2], some.readings[0].size)
+    return noise_covariance(noise_sd, task.surface, task.discrepancy) + np.swapaxes(doubt, 1, 2) @ doubt
 
 
 def own_errors(
@@ -84,17 +97,25 @@ def own_errors(
 ) -> Whitening:
     """Errors of each candidate, from what its paints' coefficients do to the readings."""
     d = task.discrepancy
+    off = d.amplitude + d.share * some.readings.reshape(len(some), -1)
+    model = model_covariance(task.wavelengths, some.readings.shape[1], d, off)[:, None]
+    fixed = fixed_errors(task, some, some.noise_sd)[:, None]
+    scaled = model + _of_coefficients(task, sets, slopes, d)
+    return whiten(np.broadcast_to(fixed, scaled.shape), scaled, d)
+
+
+def _of_coefficients(
+    task: IdentificationTask, sets: np.ndarray, slopes: np.ndarray, discrepancy: Discrepancy
+) -> Float[np.ndarray, "spectra sets readings readings"]:
+    """Covariance of readings from errors of paints' coefficients; arguments as of `own_errors`."""
     # In the order of the slopes: k of all paints, then s; the slopes of paints that are not there are 0.
     members = np.maximum(sets, 0)
     known = np.concatenate([task.errors[members, part] for part in (0, 1)], axis=-2)
-    off = d.amplitude + d.share * some.readings.reshape(len(some), -1)
-    model = model_covariance(task.wavelengths, some.readings.shape[1], d, off)[:, None]
-    fixed = noise_covariance(some.noise_sd, task.surface, d)[:, None]
-    scaled = model + coefficient_covariance(slopes, known, task.wavelengths, d)
+    caused = coefficient_covariance(slopes, known, task.wavelengths, discrepancy)
     if task.modes.shape[-1]:
         modes = np.concatenate([task.modes[members, part] for part in (0, 1)], axis=-3)
-        scaled = scaled + modes_covariance(slopes, modes)
-    return whiten(np.broadcast_to(fixed, scaled.shape), scaled, d)
+        caused = caused + modes_covariance(slopes, modes)
+    return caused
 
 
 def first_starts(task: IdentificationTask, measured: Measured) -> list[SetStarts]:
@@ -160,7 +181,26 @@ def search_chunk(
     pool = _nearest(task, _refined(task, pool, some, ground), some, ground)
     if task.layers == 2 and task.max_paints > 1 and task.known > 1:
         pool = _stacked(task, pool, looked_at, some, ground, weights)
-    return pool.take(np.broadcast_to(np.arange(pool.log_weight.shape[1]), (len(rows), pool.log_weight.shape[1])))
+    return _with_surface(task, pool.of(np.arange(len(rows))), measured.take(rows))
+
+
+def _with_surface(task: IdentificationTask, pool: Pool, some: Measured) -> Pool:
+    """The pool with readings as they are seen, and amounts in metres.
+
+    The surface's share, and what else is in doubt, is what each candidate's residual speaks for.
+    """
+    d, count = task.discrepancy, len(some)
+    surface = np.full((count, 1, some.readings[0].size), d.gloss_sd * task.surface)
+    shapes = np.concatenate([surface, some.doubt.reshape(count, some.doubt.shape[1], surface.shape[-1])], axis=1)
+    off = task.target(some.readings)[:, None] - pool.readings
+    # Ridge regression on the shapes: unit sd beforehand, errors that are not alike at neighbouring bands.
+    precise = shapes / near_sd(some).reshape(count, 1, -1) ** 2
+    normal = precise @ np.swapaxes(shapes, 1, 2) + np.eye(shapes.shape[1])
+    found = np.linalg.solve(normal, np.einsum("smr,scr->smc", precise, off))
+    gloss = np.maximum(d.gloss + d.gloss_sd * found[:, 0], 0.0)
+    seen = pool.readings + gloss[..., None] * task.surface + np.einsum("smc,smr->scr", found[:, 1:], shapes[:, 1:])
+    allowed = pool.allowed + d.gloss * task.surface
+    return replace(pool, readings=seen, allowed=allowed, gloss=gloss, logs=pool.logs + np.log(task.prior.thickness))
 
 
 def _refined(task: IdentificationTask, pool: Pool, some: Measured, ground: jax.Array) -> Pool:
@@ -179,10 +219,28 @@ def _nearest(task: IdentificationTask, pool: Pool, some: Measured, ground: jax.A
     """
     d = task.discrepancy
     # Errors that are not alike at neighbouring bands: a smooth one would be excused.
-    noise = noise_covariance(near_sd(some), task.surface, d)
+    noise = fixed_errors(task, some, near_sd(some))
     near = weights_of(task, some, whiten(noise, np.zeros_like(noise), d))
-    fitted = fit_sets(task.response, task.paints, *_sets_and_logs(pool), ground, near, task.middle)
-    return _moved(pool, fitted)
+    sets, logs = _sets_and_logs(pool)
+    moved = _moved(pool, fit_sets(task.response, task.paints, sets, logs, ground, near, task.middle))
+    slopes = np.asarray(coat_slopes(task.response, task.paints, *_sets_and_logs(moved), ground))
+    return _with_allowance(task, moved, some, slopes)
+
+
+def _with_allowance(task: IdentificationTask, pool: Pool, some: Measured, slopes: np.ndarray) -> Pool:
+    """The pool with readings moved as the errors of its paints' coefficients most probably move them to what was seen.
+
+    A film of the right paints is met once these are allowed for; one of others is not.
+    """
+    told = replace(task.discrepancy, coefficient=0.0, level=0.0)
+    free = (
+        _of_coefficients(task, pool.members, slopes, told)
+        + fixed_errors(task, some, np.zeros_like(some.noise_sd))[:, None]
+    )
+    near = near_sd(some).reshape(len(some), 1, -1) ** 2
+    off = task.target(some.readings)[:, None] - pool.readings
+    pull = np.linalg.solve(free + near[..., None] * np.eye(near.shape[-1]), off[..., None])
+    return replace(pool, allowed=pool.readings + (free @ pull)[..., 0])
 
 
 def near_sd(some: Measured) -> Float[np.ndarray, "spectra grounds bands"]:
@@ -196,11 +254,9 @@ def _refit(task: IdentificationTask, pool: Pool, some: Measured, ground: jax.Arr
     slopes = np.asarray(coat_slopes(task.response, task.paints, sets, logs, ground))
     weights = weights_of(task, some, own_errors(task, some, pool.members, slopes))
     fitted = fit_sets(task.response, task.paints, sets, logs, ground, weights, task.middle, own=True)
-    size = (pool.members != NOBODY).sum(axis=-1)
-    share = np.asarray([-np.inf, *(task.log_set(n) for n in range(1, task.max_paints + 1))])
     # What was struck out stays so.
     evidence = task.discrepancy.trust * np.asarray(fitted.log_evidence)
-    weight = np.where(np.isfinite(pool.log_weight), evidence + share[size], -np.inf)
+    weight = np.where(np.isfinite(pool.log_weight), evidence + task.log_sets(pool.members), -np.inf)
     spread = np.where(absent_pairs(pool.members), 0.0, np.asarray(fitted.covariance))
     return replace(_moved(pool, fitted), covariance=spread, log_weight=weight)
 
@@ -243,8 +299,11 @@ def _pool(
         np.pad(where, room),
         np.pad(np.asarray(fitted.logs), room, constant_values=-np.inf),
         np.pad(np.asarray(fitted.covariance), (*room, (0, 3 - size))),
-        task.discrepancy.trust * np.asarray(fitted.log_evidence) + task.log_set(size) + log_share,
+        task.discrepancy.trust * np.asarray(fitted.log_evidence) + task.log_sets(sets) + log_share,
         np.asarray(fitted.readings),
+        np.asarray(fitted.readings),
+        np.zeros(sets.shape[:2]),
+        np.zeros(sets.shape[:2], dtype=np.int32),
     )
 
 
@@ -283,8 +342,9 @@ def _stacked(
         sets = np.take_along_axis(looked_at.members, best[..., None], axis=1)[..., :paints]
         sets = np.repeat(sets, len(ways), axis=1)
         coats = np.broadcast_to(np.tile(ways, (keep, 1)), sets.shape)
-        fitted = _fit_stacks(task, sets, coats, some, ground, weights)
+        fitted, slopes = _fit_stacks(task, sets, coats, some, ground, weights)
         stacks = _pool(task, sets, fitted, coats, np.log(task.prior.stacked / len(ways)))
+        stacks = _with_allowance(task, stacks, some, slopes)
         struck = ~np.isfinite(np.take_along_axis(weight, best, axis=1))
         stacks.log_weight[np.repeat(struck, len(ways), axis=1)] = -np.inf
         pool = pool.merged(stacks)
@@ -298,15 +358,16 @@ def _fit_stacks(
     some: Measured,
     ground: jax.Array,
     weights: Weights,
-) -> Fitted:
-    """Stacks with errors of their own."""
+) -> tuple[Fitted, np.ndarray]:
+    """Stacks with errors of their own, and slopes near the fit."""
     films = task.paints, jnp.asarray(sets), jnp.asarray(coats)
     logs = stack_starts(*films, ground, weights, task.optics, task.middle)
-    fitted = None
+    fitted, slopes = None, None
     for _ in range(_ROUNDS):
         slopes = np.asarray(stack_slopes(*films, logs, ground, task.optics))
         own = weights_of(task, some, own_errors(task, some, sets, slopes))
         fitted = fit_stacks(*films, logs, ground, own, task.optics, task.middle)
         logs = fitted.logs
     assert fitted is not None
-    return fitted
+    assert slopes is not None
+    return fitted, slopes

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import ArrayLike, Float, Int
+from jaxtyping import ArrayLike, Bool, Float, Int
 
 from glazejax import Pigment
 from glazejax.spectra import validate_wavelengths
@@ -36,6 +36,8 @@ class Measured:
         readings: reflectance, (spectra, grounds, bands).
         grounds: internal reflectance under the paint, the same shape.
         noise_sd: of the readings, the same shape: what the instrument is said to have, or what the spectra show.
+        doubt: further errors of known shapes, independent and of standard deviation 1, (spectra, shapes, grounds,
+            bands).
     """
 
     names: tuple[str, ...]
@@ -43,6 +45,7 @@ class Measured:
     readings: Float[np.ndarray, "spectra grounds bands"]
     grounds: Float[np.ndarray, "spectra grounds bands"]
     noise_sd: Float[np.ndarray, "spectra grounds bands"]
+    doubt: Float[np.ndarray, "spectra shapes grounds bands"]
 
     def __len__(self) -> int:
         return len(self.names)
@@ -50,7 +53,15 @@ class Measured:
     def take(self, rows: Int[np.ndarray, "rows"]) -> "Measured":
         """Some of the spectra, by number."""
         names = tuple(self.names[i] for i in rows)
-        return type(self)(names, self.wavelengths, self.readings[rows], self.grounds[rows], self.noise_sd[rows])
+        spectra = (part[rows] for part in (self.readings, self.grounds, self.noise_sd, self.doubt))
+        return type(self)(names, self.wavelengths, *spectra)
+
+    @classmethod
+    def join(cls, parts: Sequence["Measured"]) -> "Measured":
+        """Several batches on one grid as one."""
+        names = tuple(name for part in parts for name in part.names)
+        spectra = ((part.readings, part.grounds, part.noise_sd, part.doubt) for part in parts)
+        return cls(names, parts[0].wavelengths, *(np.concatenate(same) for same in zip(*spectra, strict=True)))
 
 
 def check_spectra(
@@ -99,7 +110,8 @@ def check_spectra(
         value = ground[~((ground >= 0) & (ground <= 1))][0]
         raise ValueError(f"a ground's internal reflectance is {value:g}; it must lie in [0, 1]")
     seen = roughness(readings).max(axis=-1)[:, None, None]
-    return Measured(labels, grid, readings, ground, np.maximum(noise.sd(readings), seen))
+    doubt = np.empty((len(readings), 0, *readings.shape[1:]))
+    return Measured(labels, grid, readings, ground, np.maximum(noise.sd(readings), seen), doubt)
 
 
 def check_pigments(pigments: Sequence[Pigment], wavelengths: Float[np.ndarray, "bands"]) -> list[Pigment]:
@@ -139,6 +151,7 @@ class IdentificationTask(NamedTuple):
     noise: Noise
     discrepancy: Discrepancy
     prior: Prior
+    extenders: Bool[np.ndarray, "paints"]  # those that a film of usual thickness hardly shows
     max_paints: int
     layers: int
 
@@ -162,9 +175,14 @@ class IdentificationTask(NamedTuple):
         model = model_covariance(self.wavelengths, grounds, self.discrepancy, self.discrepancy.screening)
         return whitening(noise_covariance(sd, self.surface, self.discrepancy) + model)[0]
 
-    def log_set(self, size: int) -> float:
-        """Log prior probability of one set of so many paints."""
+    def log_sets(self, members: Int[np.ndarray, "*n size"]) -> Float[np.ndarray, "*n"]:
+        """Log prior probability of sets of paints; a negative number is none."""
         sizes = np.asarray(self.prior.sizes[: self.max_paints])
-        return float(
-            np.log(sizes[size - 1] / sizes.sum() * (1.0 - self.prior.unknown)) - np.log(len(sets_of(self.known, size)))
-        )
+        each = [share / sizes.sum() / len(sets_of(self.known, n)) for n, share in enumerate(sizes, start=1)]
+        there = members >= 0
+        count = there.sum(axis=-1)
+        # Alone, an extender is as good as any other paint.
+        hardly = np.where(count > 1, (there & self.extenders[members]).sum(axis=-1), 0)
+        # No paint at all is no explanation.
+        with np.errstate(divide="ignore"):
+            return np.log(np.asarray([0.0, *each]))[count] + hardly * np.log(self.prior.extender)

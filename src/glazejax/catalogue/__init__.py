@@ -39,6 +39,16 @@ ACRYLICS_PROVENANCE = (
 )
 
 
+_FAMILIES = {
+    "Eosin1Wax": "Eosin",
+    "Eosin2PbWax": "Eosin",
+    "ZincWhiteLinseed": "ZincWhite",
+    "ChromeYellowPoppyseed": "ChromeYellow",
+    "ChromeYellowOtero": "ChromeYellow",
+}
+"""Paints of the oils that are another's pigment in another medium, or from another maker."""
+
+
 class _Shipped(NamedTuple):
     """What is known of a catalogue before it is read."""
 
@@ -131,6 +141,11 @@ def pigment(name: str, catalogue: str = "oils") -> Pigment:
         return shelf[name]
     except KeyError as error:
         raise ValueError(error.args[0]) from None
+
+
+def family(name: str) -> str:
+    """The pigment of a paint of the catalogues, medium and maker aside; any other name is its own family."""
+    return _FAMILIES.get(name, name)
 
 
 def assumed_scale(paint: Pigment) -> str | None:

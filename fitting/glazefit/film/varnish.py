@@ -1,0 +1,53 @@
+"""A varnish on top of paint: a coat that absorbs, hardly scatters, and that nobody may have mentioned.
+
+A coat of optical thickness tau and of the paint's own index changes a reading exactly as a film without scattering does
+that lies on the paint: both are in `FilmResponse`. Seen from below, all of the paint is one Lambertian ground.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+
+from .response import FilmResponse, ground_below
+
+DECAY = 60.0
+"""Wavelengths over which a yellowed resin's absorption falls to 1/e, nm."""
+_FIRST = 400.0
+
+
+def yellow(wavelengths: Float[np.ndarray, "bands"], decay: float = DECAY) -> Float[np.ndarray, "bands"]:
+    """Absorption of a yellowed varnish in units of that at 400 nm: it falls exponentially to the red."""
+    return np.exp((_FIRST - np.maximum(wavelengths, 0.9 * _FIRST)) / decay)
+
+
+def varnished(
+    response: FilmResponse, body: Float[np.ndarray, "*n bands"], thickness: Float[np.ndarray, "bands"]
+) -> Float[np.ndarray, "*n bands"]:
+    """What a paint reads under a varnish, from what it reads without; both without the surface's part.
+
+    Args:
+        response: of the instrument.
+        body: reading without varnish.
+        thickness: optical thickness of the varnish, 0 or more.
+    """
+    clear, gain, back = _through(response, np.zeros_like(thickness))
+    below = ground_below(np.asarray(body) - clear, gain, back)
+    dark, gain, back = _through(response, thickness)
+    return dark + gain * below / (1.0 - back * below)
+
+
+def without_varnish(
+    response: FilmResponse, body: Float[np.ndarray, "*n bands"], thickness: Float[np.ndarray, "bands"]
+) -> Float[np.ndarray, "*n bands"]:
+    """The inverse of `varnished`: what the paint would read if its varnish were taken off."""
+    dark, gain, back = _through(response, thickness)
+    below = ground_below(np.asarray(body) - dark, gain, back)
+    clear, gain, back = _through(response, np.zeros_like(thickness))
+    return clear + gain * below / (1.0 - back * below)
+
+
+def _through(response: FilmResponse, thickness: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Black, gain and back of a coat that only absorbs."""
+    absorbs = jnp.asarray(thickness, float)
+    black, gain, back = (np.asarray(a, np.float64) for a in response.numbers(absorbs, jnp.zeros_like(absorbs)))
+    return black, gain, back

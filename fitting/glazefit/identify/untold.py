@@ -1,0 +1,108 @@
+"""Films sought again under conditions that nobody mentioned, and all candidates compete.
+
+Films are sought as they were said to be. Where the answer may rest on something untold, they are sought again under
+each of a few other conditions (`conditions.CONDITIONS`).
+"""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ..film.response import FilmResponse
+from ..film.varnish import varnished, without_varnish, yellow
+from .conditions import CONDITIONS, NOT_OPAQUE, OTHER_GROUNDS, VARNISHES
+from .result import Pool
+from .search import first_starts, independent, search_chunk
+from .task import IdentificationTask, Measured
+from .weigh import odds_of
+
+# Two levels of a varnish that is seen; what is between them is left open.
+_LEVELS = {0.2: 0.15, 0.6: 0.3}
+"""Optical thickness at 400 nm -> its standard deviation."""
+_DOUBTFUL = 0.2
+"""Probability of none above which a film is sought again."""
+
+
+def search_untold(tasks: Mapping[bool, IdentificationTask], opaque: bool, measured: Measured, pool: Pool) -> Pool:
+    """The pool, with candidates under other conditions where what was told leaves a film in doubt.
+
+    Films that were said to hide their ground are always tried without: one reading does not tell.
+
+    Args:
+        tasks: for films that let the ground through, and for films that hide it.
+        opaque: what was told.
+        measured: at most `CHUNK` spectra.
+        pool: their candidates as told.
+    """
+    one_ground = measured.readings.shape[1] == 1
+
+    def more(pool: Pool, numbers: tuple[int, ...], rows: Int[np.ndarray, "rows"]) -> Pool:
+        for number in numbers if len(rows) else ():
+            found = _under(number, tasks, opaque, measured.take(rows))
+            pool = pool.merged(found.spread(rows, len(measured)))
+        return pool
+
+    everything = np.arange(len(measured))
+    if opaque:
+        pool = more(pool, NOT_OPAQUE, everything)
+    doubtful = everything[_doubt(tasks[opaque], measured, pool) > _DOUBTFUL]
+    if one_ground and not opaque:
+        pool = more(pool, OTHER_GROUNDS, doubtful)
+    return more(pool, VARNISHES, doubtful)
+
+
+def _doubt(task: IdentificationTask, measured: Measured, pool: Pool) -> Float[np.ndarray, "spectra"]:
+    odds, none, _, _ = odds_of(measured, pool, task.prior)
+    return none / (odds.sum(axis=1) + none)
+
+
+def _under(number: int, tasks: Mapping[bool, IdentificationTask], told: bool, measured: Measured) -> Pool:
+    """Candidates under one condition."""
+    condition = CONDITIONS[number]
+    task = tasks[told if condition.opaque is None else condition.opaque]
+    seen, change = measured, np.zeros(len(measured))
+    if condition.ground is not None:
+        seen = replace(seen, grounds=np.full_like(seen.grounds, condition.ground))
+    if condition.varnish:
+        seen, change = bared(seen, task.response, task.surface, condition.varnish)
+    pool = search_chunk(task, seen, np.arange(len(seen)), first_starts(task, seen))
+
+    def coated(readings: np.ndarray) -> np.ndarray:
+        body = readings.reshape(*readings.shape[:2], *measured.readings.shape[1:]) - task.surface
+        thickness = condition.varnish * yellow(measured.wavelengths)
+        return (varnished(task.response, body, thickness) + task.surface).reshape(readings.shape)
+
+    if condition.varnish:
+        pool = replace(pool, readings=coated(pool.readings), allowed=coated(pool.allowed))
+    weight = pool.log_weight + np.log(condition.chance) + (independent(task) * change)[:, None]
+    return replace(pool, log_weight=weight, condition=np.full_like(pool.condition, number))
+
+
+def bared(
+    measured: Measured, response: FilmResponse, surface: float, level: float
+) -> tuple[Measured, Float[np.ndarray, "spectra"]]:
+    """Spectra as they would be without a varnish, and what changes of variables add to their log density.
+
+    How much varnish there is is left open: an error of a known shape.
+
+    Args:
+        measured: under the varnish.
+        response: of the instrument.
+        surface: what the outer surface adds to a reading.
+        level: optical thickness of the varnish at 400 nm, one of those that are tried.
+    """
+    grid, body = measured.wavelengths, measured.readings - surface
+    spread = _LEVELS[level]
+
+    def off(thickness: np.ndarray) -> np.ndarray:
+        return without_varnish(response, body, thickness)
+
+    coat = level * yellow(grid)
+    bare, step = off(coat), 0.01
+    more = spread / step * (off((level + step) * yellow(grid)) - bare)
+    slope = (without_varnish(response, body + 1e-4, coat) - bare) / 1e-4
+    doubt = more[:, None]
+    changed = replace(measured, readings=bare + surface, noise_sd=measured.noise_sd * slope, doubt=doubt)
+    return changed, np.log(slope).mean(axis=(1, 2))

@@ -1,0 +1,148 @@
+"""Probabilities of candidates, and of none of them."""
+
+import numpy as np
+from jaxtyping import Bool, Float
+from scipy.special import logsumexp
+
+from ..film.errors import REJECTED, UNSEEN, Prior, log_odds_of_none
+from .result import NOBODY, Identification, Pool
+from .task import Measured
+
+# Candidates whose colour is compared with the film's.
+_LOOKED_AT = 40
+# Log odds, and a Delta E00, by which a paint earns its place in a set.
+_EARNS, _EARNS_COLOUR = 2.0, 0.5
+# Noise below which its part in a colour is not looked at, and random spectra for it.
+_SEEN_NOISE, _DRAWS = 0.002, 8
+# Delta E00 for a residual's root mean square of 1, in the middle of the films that were left out.
+_COLOUR_OF_RMSE = 130.0
+
+
+def weigh(
+    measured: Measured, pool: Pool, names: tuple[str, ...], prior: Prior, opaque: bool, keep: int
+) -> Identification:
+    """Probabilities of all candidates and of none, and the best candidates in full."""
+    odds, none, misfit, rejected = odds_of(measured, pool, prior)
+    total = odds.sum(axis=1) + none
+    probability = odds / total[:, None]
+    present = pool.members[..., None] == np.arange(len(names))
+    best = np.argsort(-probability, axis=1, kind="stable")[:, :keep]
+    top = pool.take(best)
+    return Identification(
+        measured=measured,
+        paints=names,
+        members=top.members,
+        coats=top.coats,
+        amounts=np.exp(top.logs),
+        log_covariance=top.covariance,
+        probability=np.take_along_axis(probability, best, axis=1),
+        none=none / total,
+        misfit=misfit,
+        rejected=np.take_along_axis(rejected, best, axis=1),
+        paint_probability=np.einsum("sc,scmp->sp", probability, present),
+        gloss=top.gloss,
+        fitted=top.readings.reshape(*best.shape, *measured.readings.shape[1:]),
+        condition=top.condition,
+        opaque=opaque,
+    )
+
+
+def odds_of(
+    measured: Measured, pool: Pool, prior: Prior
+) -> tuple[
+    Float[np.ndarray, "spectra candidates"],
+    Float[np.ndarray, "spectra"],
+    Float[np.ndarray, "spectra"],
+    Bool[np.ndarray, "spectra candidates"],
+]:
+    """Odds of all candidates and of none beside them; `Identification.misfit`; candidates a person rejects by eye."""
+    weight = np.where(np.isfinite(pool.log_weight), pool.log_weight, -np.inf)
+    # Before the misfit is looked at: how probable each is if the film is of the catalogue's paints.
+    share = np.exp(weight - np.asarray(logsumexp(weight, axis=1))[:, None])
+    seen, left = _misfits(measured, pool, share)
+    # What noise alone makes of a colour is no misfit.
+    blur = _of_noise(measured)[:, None]
+    off = np.sqrt(np.maximum(seen * left - blur**2, 0.0))
+    # Differences that nobody sees count alike: what fits best is not for that more likely to be there.
+    odds = share * np.exp(-log_odds_of_none(np.maximum(off, UNSEEN))) * (1.0 - prior.unknown)
+    # A fit that a person rejects by eye is never more probable than none.
+    rejected = seen**2 - blur**2 > REJECTED**2
+    odds = np.where(rejected, np.minimum(odds, share * prior.unknown), odds)
+    odds = _simplest(pool, weight, seen, odds)
+    # The better the film is met, the less probable is none, also below what is seen.
+    kept = odds / odds.sum(axis=1, keepdims=True)
+    met = np.exp(np.sum(np.where(kept > 0, kept * np.log(np.clip(off, 0.1, 100.0)), 0.0), axis=1))
+    none = prior.unknown * np.exp(log_odds_of_none(np.minimum(met, UNSEEN)) - log_odds_of_none(UNSEEN))
+    return odds, none, met, rejected
+
+
+def _simplest(pool: Pool, weight: np.ndarray, seen: np.ndarray, odds: np.ndarray) -> np.ndarray:
+    """Odds with those of a set and of the same set less one paint changed over, where that paint earns nothing.
+
+    A paint earns its place by evidence or by a difference that is seen; else the simpler film comes first.
+    """
+    odds = odds.copy()
+    size = (pool.members != NOBODY).sum(axis=2)
+    for row in range(len(odds)):
+        sets: dict[int, tuple[int, frozenset[int]]] = {}
+        place: dict[tuple[int, frozenset[int]], int] = {}
+        here = np.flatnonzero((odds[row] > 0) & ~pool.coats[row].any(axis=-1))
+        for n in here[np.argsort(-weight[row, here], kind="stable")].tolist():
+            sets[n] = int(pool.condition[row, n]), frozenset(pool.members[row, n, : size[row, n]].tolist())
+            place.setdefault(sets[n], n)
+        for n in sorted(sets, key=lambda n: -size[row, n]):
+            condition, paints = sets[n]
+            smaller = (place.get((condition, paints - {paint})) for paint in paints)
+            enough = [
+                m
+                for m in smaller
+                if m is not None
+                and odds[row, m] < odds[row, n]
+                and weight[row, m] > weight[row, n] - _EARNS
+                and seen[row, m] < max(seen[row, n], _EARNS_COLOUR) + _EARNS_COLOUR
+            ]
+            if enough:
+                best = max(enough, key=lambda m: weight[row, m])
+                odds[row, [best, n]] = odds[row, [n, best]]
+    return odds
+
+
+def _of_noise(measured: Measured) -> Float[np.ndarray, "spectra"]:
+    """Delta E00 that the noise of the readings causes, root mean square of a few draws; 0 where it cannot be seen."""
+    if measured.noise_sd.mean() < _SEEN_NOISE:
+        return np.zeros(len(measured))
+    draws = np.random.default_rng(0).standard_normal((_DRAWS, *measured.readings.shape[1:]))
+    noisy = measured.readings[:, None] + draws * measured.noise_sd[:, None]
+    off = _colour_difference(measured, measured.readings[:, None], np.maximum(noisy, 0.0))
+    return np.sqrt(np.mean(off**2, axis=1))
+
+
+def _colour_difference(measured: Measured, seen: np.ndarray, computed: np.ndarray) -> np.ndarray:
+    """Delta E00, the larger over the grounds; a size like it where the bands give no colour."""
+    from glazejax.colour import delta_e_of_spectra
+
+    try:
+        return delta_e_of_spectra(measured.wavelengths, seen, computed, observer=10).max(axis=-1)
+    except ValueError:
+        return _COLOUR_OF_RMSE * np.sqrt(np.mean((seen - computed) ** 2, axis=(-1, -2)))
+
+
+def _misfits(
+    measured: Measured, pool: Pool, share: np.ndarray
+) -> tuple[Float[np.ndarray, "spectra candidates"], Float[np.ndarray, "spectra candidates"]]:
+    """Delta E00 of the candidates, the larger over the grounds: as fitted, and with errors of their paints allowed.
+
+    Infinite for candidates that hardly matter.
+    """
+    # The colour of a spectrum costs as much as its fit.
+    few = np.argsort(-share, axis=1, kind="stable")[:, :_LOOKED_AT]
+    rows = np.arange(len(measured))[:, None]
+    seen = measured.readings[:, None]
+
+    def off(readings: np.ndarray) -> np.ndarray:
+        computed = readings[rows, few].reshape(*few.shape, *seen.shape[2:])
+        out = np.full(share.shape, np.inf)
+        out[rows, few] = _colour_difference(measured, seen, computed)
+        return out
+
+    return off(pool.readings), off(pool.allowed)

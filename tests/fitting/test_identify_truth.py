@@ -1,0 +1,168 @@
+"""Identification says what is so: simple answers, errors that go together, what nobody told, and none of these."""
+
+import numpy as np
+import pytest
+
+from glazefit import Discrepancy, Identification, identify
+from glazefit.film.errors import (
+    BETWEEN_FILMS,
+    error_modes,
+    log_odds_of_none,
+    modes_covariance,
+    relative_errors,
+    roughness,
+)
+from glazefit.film.response import film_response
+from glazefit.film.varnish import varnished, yellow
+from glazefit.identify.identify import hardly_seen
+from glazejax import Bidirectional, Hemispherical, Pigment, catalogue
+from glazejax.paint.pigment_table import read_pigments
+
+GRID = np.arange(400.0, 701.0, 10.0)
+GROUNDS = np.array([[0.025], [0.93]]) * np.ones((2, GRID.size))
+UNIT = 25e-6
+NAMES = ("ZincWhite", "ZincWhiteLinseed", "PrussianBlue", "Vermillion", "CobaltBlue", "BoneBlack", "BariumSulphate")
+
+
+def read_film(recipe: dict[str, float], units: float = 1.0, grounds=GROUNDS, geometry=None) -> np.ndarray:
+    """What a film of the catalogue's paints reads, without error, (grounds, bands)."""
+    known, geometry = catalogue.load(), geometry or Hemispherical()
+    k = units * UNIT * sum(w * np.asarray(known[p].absorption) for p, w in recipe.items())
+    s = units * UNIT * sum(w * np.asarray(known[p].scattering) for p, w in recipe.items())
+    surface = 0.04 if isinstance(geometry, Hemispherical) else 0.0
+    return np.asarray(film_response(geometry).body(k, s, grounds)) + surface
+
+
+@pytest.fixture(scope="module")
+def shelf():
+    known = catalogue.load()
+    return [known[name] for name in NAMES]
+
+
+@pytest.fixture(scope="module")
+def found(shelf) -> Identification:
+    """Four films, as told: a pure one, a tint, a tint under varnish, and one whose paint is taken off the shelf."""
+    tint = read_film({"CobaltBlue": 0.2, "ZincWhite": 0.8})
+    coat = film_response(Hemispherical())
+    yellowed = varnished(coat, tint - 0.04, 0.45 * yellow(GRID)) + 0.04
+    green = read_film({"EmeraldGreen": 0.5, "ZincWhite": 0.5}, 2.0)
+    spectra = np.stack([read_film({"Vermillion": 1.0}), tint, yellowed, green])
+    return identify(spectra, GRID, shelf, grounds=GROUNDS, names=["pure", "tint", "yellowed", "stranger"], max_paints=2)
+
+
+def test_a_pure_paint_is_called_pure(found):
+    """An extender that the spectrum cannot see is not added to it."""
+    assert found.ranked(0)[0].paints == ("Vermillion",)
+    assert found.explained[0]
+
+
+def test_a_tint_is_found_and_its_white_left_open(found):
+    """Two zinc whites that differ by their oil: the pigments are sure, the oil is not."""
+    pigments, chance = found.families(1)[0]
+    assert set(pigments) == {"CobaltBlue", "ZincWhite"}
+    assert chance > 0.8
+    whites = {"ZincWhite", "ZincWhiteLinseed"}
+    first = set(found.ranked(1)[0].paints)
+    assert set(found.not_told(1)) == first & whites
+    assert set(*found.not_told(1).values()) == whites - first
+
+
+def test_a_varnish_that_nobody_mentioned_is_said(found):
+    first = found.ranked(2)[0]
+    assert set(found.families(2)[0][0]) == {"CobaltBlue", "ZincWhite"}
+    assert first.condition == "under a yellowed varnish"
+    assert first.words.endswith(", under a yellowed varnish")
+    assert found.ranked(1)[0].condition == ""
+    assert "varnish" not in found.words(0)
+
+
+def test_a_paint_that_is_missing_is_none_of_these(found):
+    assert not found.explained[3]
+    assert found.none[3] > 0.5
+    assert "nothing in the catalogue explains this" in found.words(3)
+
+
+def test_what_a_person_rejects_is_never_more_probable_than_not(found):
+    bad = found.delta_e > 4.0
+    assert bad[3, 0]
+    assert np.array_equal(found.rejected, bad)
+    assert np.where(bad, found.probability, 0.0).sum(axis=1).max() <= 0.5
+
+
+def test_a_thin_film_said_to_be_opaque_is_found_over_its_ground(shelf):
+    geometry = Bidirectional(45, 0)
+    thin = read_film({"CobaltBlue": 1.0}, 0.1, np.full((1, GRID.size), 0.85), geometry)
+    answer = identify(thin, GRID, shelf, grounds=None, geometry=geometry, max_paints=1)
+    first = answer.ranked(0)[0]
+    assert first.paints == ("CobaltBlue",)
+    assert first.condition == "over a light ground"
+    assert first.thickness == pytest.approx(0.1 * UNIT, rel=0.3)
+
+
+def test_noise_is_taken_from_the_spectrum_where_nobody_told_it():
+    rng = np.random.default_rng(3)
+    smooth = 0.4 + 0.3 * np.tanh((np.linspace(400, 700, 61) - 560) / 40)
+    noisy = smooth + 0.01 * rng.standard_normal((400, 61))
+    assert np.median(roughness(noisy)) == pytest.approx(0.01, rel=0.1)
+    assert roughness(smooth) < 5e-4
+    assert roughness(np.ones(5)) == 0.0
+
+
+def test_none_grows_with_the_misfit():
+    odds = log_odds_of_none(np.array([0.5, 1.0, 2.0, 4.0]))
+    assert np.all(np.diff(odds) > 0)
+    assert odds[0] < -1 < 1 < odds[-1]
+
+
+def test_extenders_are_those_that_hardly_show():
+    known = list(catalogue.load().values())
+    hardly = [paint.name for paint, yes in zip(known, hardly_seen(known, UNIT), strict=True) if yes]
+    assert hardly == ["BariumSulphate", "CalciumCarbonate"]
+
+
+def test_paints_of_one_source_are_wrong_together():
+    """Errors of paints fitted together are correlated; of another source they are independent."""
+    shape = np.ones(GRID.size)
+    modes = np.array([[0.1 * shape, 0.2 * shape], [0.0 * shape, 0.1 * shape]])
+    one, two = (Pigment(n, GRID, 1e4 * shape, 1e4 * shape, error_modes=modes, provenance="lab") for n in "ab")
+    other = Pigment("c", GRID, 1e4 * shape, 1e4 * shape, error_modes=modes, provenance="elsewhere")
+    all_modes = error_modes([one, two, other], BETWEEN_FILMS)
+    slopes = np.zeros((3, 1, 2, GRID.size))
+    for paint in range(3):
+        slopes[paint, 0, paint % 2] = 0.5
+
+    def together(a: int, b: int) -> float:
+        """Variance of a reading that two paints' log k move alike."""
+        slopes = 0.5 * np.ones((2, GRID.size))
+        stacked = np.stack([all_modes[a, 0], all_modes[b, 0]])
+        return float(modes_covariance(slopes, stacked)[0, 0])
+
+    assert together(0, 1) == pytest.approx((0.5 * 0.2) ** 2)
+    assert together(0, 2) == pytest.approx(2 * (0.5 * 0.1) ** 2)
+    assert np.all(relative_errors([one], Discrepancy()) == 0)
+
+
+def test_error_modes_are_capped_and_read_back(tmp_path):
+    lines = ["pigment,wavelength_nm,absorption,scattering,k_mode_1,s_mode_1,k_mode_2,s_mode_2"]
+    lines += [f"Blue,{nm},1e4,2e4,.1,-.2,3,0" for nm in (400, 500, 600)]
+    path = tmp_path / "paints.csv"
+    path.write_text("\n".join(lines) + "\n")
+    blue = read_pigments(path)["Blue"]
+    assert blue.error_modes is not None
+    np.testing.assert_allclose(blue.error_modes[:, :, 0], [[0.1, -0.2], [3.0, 0.0]])
+    capped = error_modes([blue], BETWEEN_FILMS)[0]
+    assert np.sqrt((capped**2).sum(axis=-1)).max() == pytest.approx(BETWEEN_FILMS.most)
+    assert blue.resample(np.array([450.0, 550.0])).error_modes.shape == (2, 2, 2)
+    with pytest.raises(ValueError, match="error_modes"):
+        Pigment("Blue", [400.0, 500.0], [1.0, 1.0], [1.0, 1.0], error_modes=np.ones((2, 2, 3)))
+
+
+def test_modes_of_the_catalogue_are_its_standard_deviations():
+    """The largest modes hold most of the variance that the standard deviations state, where these are small."""
+    for paint in catalogue.load().values():
+        assert paint.error_modes is not None
+        stated = np.asarray(paint.absorption_sd) / np.asarray(paint.absorption)
+        held = np.sqrt((np.asarray(paint.error_modes)[:, 0] ** 2).sum(axis=0))
+        well = stated < 0.3
+        if well.any():
+            assert 0.6 < np.median(held[well] / stated[well]) < 1.2, paint.name
