@@ -116,7 +116,8 @@ def problem():
     fixed = noise_covariance(np.full((1, 2, GRID.size), 0.004), 0.0, d)
     errors = whiten(fixed, model_covariance(GRID, 2, d, 0.005)[None], d)
     target = body.reshape(1, -1)
-    parts = (target, errors.basis, errors.height, np.full(1, 0.7), np.full(1, 1.0))
+    # Log-normal total, uniform fractions, Gaussian errors.
+    parts = (target, errors.basis, errors.height, np.full(1, 0.7), np.full(1, 1.0), np.zeros(1), np.ones(1))
     return response, paints, jnp.asarray(ground)[None], Weights(*(jnp.asarray(p) for p in parts))
 
 

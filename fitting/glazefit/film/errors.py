@@ -105,7 +105,7 @@ class Prior:
     thickness: float = 25e-6
     spread: float = 0.7
     concentration: float = 0.4
-    sizes: tuple[float, ...] = (0.4, 0.59, 0.01)
+    sizes: tuple[float, ...] = (0.4, 0.5, 0.1)
     stacked: float = 0.3
     extender: float = 0.1
     unknown: float = 0.4
@@ -313,7 +313,7 @@ def whitening(
     return np.tril(inverse), height - 0.5 * matrix.shape[-1] * np.log(2.0 * np.pi)
 
 
-def log_odds_of_none(misfit: float | Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
+def log_odds_of_none(misfit: float | Float[np.ndarray, "*n"]) -> Float[np.ndarray | np.floating, "*n"]:
     """Log of how much more often a film misses by this if its paints are not in the catalogue than if they are.
 
     A logistic regression on the logarithm of the misfit (`glazefit.Identification.misfit`) of 55 films that were left
@@ -334,7 +334,7 @@ REJECTED = 4.0
 """Delta E00 above which a person sees that the fit is none."""
 
 
-def roughness(readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray, "*n"]:
+def roughness(readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray | np.floating, "*n"]:
     """Standard deviation of noise that differs from band to band, from the spectra themselves.
 
     The median size of third differences along the bands, which smooth curves hardly have; 0 for fewer than 8 bands.

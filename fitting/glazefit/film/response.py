@@ -36,9 +36,9 @@ _CHUNK = 3200
 
 
 def ground_below(
-    body: Float[Array | np.ndarray, "*batch"],
-    gain: float | Float[Array, "*#batch"],
-    back: float | Float[Array, "*#batch"],
+    body: Float[Array | np.ndarray, "*#batch"],
+    gain: float | Float[Array | np.ndarray, "*#batch"],
+    back: float | Float[Array | np.ndarray, "*#batch"],
 ) -> Any:
     """Internal reflectance of the Lambertian ground that reads ``body`` = gain rho/(1 - back rho) when it is bare.
 

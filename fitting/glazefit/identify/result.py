@@ -138,7 +138,8 @@ class Identification:
         probability: posterior, (spectra, candidates).
         none: posterior probability that the catalogue does not explain the spectrum, (spectra,).
         misfit: what that is judged by, (spectra,): the candidates' mean Delta E00, where each is the geometric mean of
-            that of the fit and that with errors of its paints' coefficients allowed.
+            that of the fit and that with errors of its paints' coefficients allowed, or the latter's residual if that
+            has a shape that no colour shows.
         rejected: whether a person would reject the fit by eye, (spectra, candidates): Delta E00 above 4, noise aside.
         paint_probability: of each paint to be in the film, over all candidates looked at, (spectra, paints).
         gloss: share of the surface's reflection, (spectra, candidates).

@@ -15,7 +15,7 @@ _EARNS, _EARNS_COLOUR = 2.0, 0.5
 # Noise below which its part in a colour is not looked at, and random spectra for it.
 _SEEN_NOISE, _DRAWS = 0.002, 8
 # Delta E00 for a residual's root mean square of 1, in the middle of the films that were left out.
-_COLOUR_OF_RMSE = 130.0
+_COLOUR_OF_RMSE = 100.0
 
 
 def weigh(
@@ -59,10 +59,11 @@ def odds_of(
     weight = np.where(np.isfinite(pool.log_weight), pool.log_weight, -np.inf)
     # Before the misfit is looked at: how probable each is if the film is of the catalogue's paints.
     share = np.exp(weight - np.asarray(logsumexp(weight, axis=1))[:, None])
-    seen, left = _misfits(measured, pool, share)
+    seen, left, shape = _misfits(measured, pool, share)
     # What noise alone makes of a colour is no misfit.
     blur = _of_noise(measured)[:, None]
-    off = np.sqrt(np.maximum(seen * left - blur**2, 0.0))
+    # A residual may have a shape that no colour shows.
+    off = np.maximum(np.sqrt(np.maximum(seen * left - blur**2, 0.0)), _COLOUR_OF_RMSE * shape)
     # Differences that nobody sees count alike: what fits best is not for that more likely to be there.
     odds = share * np.exp(-log_odds_of_none(np.maximum(off, UNSEEN))) * (1.0 - prior.unknown)
     # A fit that a person rejects by eye is never more probable than none.
@@ -109,12 +110,13 @@ def _simplest(pool: Pool, weight: np.ndarray, seen: np.ndarray, odds: np.ndarray
 
 def _of_noise(measured: Measured) -> Float[np.ndarray, "spectra"]:
     """Delta E00 that the noise of the readings causes, root mean square of a few draws; 0 where it cannot be seen."""
-    if measured.noise_sd.mean() < _SEEN_NOISE:
+    noisy = measured.noise_sd.mean(axis=(1, 2)) > _SEEN_NOISE
+    if not noisy.any():
         return np.zeros(len(measured))
     draws = np.random.default_rng(0).standard_normal((_DRAWS, *measured.readings.shape[1:]))
-    noisy = measured.readings[:, None] + draws * measured.noise_sd[:, None]
-    off = _colour_difference(measured, measured.readings[:, None], np.maximum(noisy, 0.0))
-    return np.sqrt(np.mean(off**2, axis=1))
+    drawn = measured.readings[:, None] + draws * measured.noise_sd[:, None]
+    off = _colour_difference(measured, measured.readings[:, None], np.maximum(drawn, 0.0))
+    return np.where(noisy, np.sqrt(np.mean(off**2, axis=1)), 0.0)
 
 
 def _colour_difference(measured: Measured, seen: np.ndarray, computed: np.ndarray) -> np.ndarray:
@@ -129,20 +131,28 @@ def _colour_difference(measured: Measured, seen: np.ndarray, computed: np.ndarra
 
 def _misfits(
     measured: Measured, pool: Pool, share: np.ndarray
-) -> tuple[Float[np.ndarray, "spectra candidates"], Float[np.ndarray, "spectra candidates"]]:
-    """Delta E00 of the candidates, the larger over the grounds: as fitted, and with errors of their paints allowed.
+) -> tuple[
+    Float[np.ndarray, "spectra candidates"],
+    Float[np.ndarray, "spectra candidates"],
+    Float[np.ndarray, "spectra candidates"],
+]:
+    """How far off the candidates are; infinite for those that hardly matter.
 
-    Infinite for candidates that hardly matter.
+    Delta E00, the larger over the grounds, as fitted and with errors of their paints allowed; and the root mean square
+    of the latter's residual, noise aside.
     """
     # The colour of a spectrum costs as much as its fit.
     few = np.argsort(-share, axis=1, kind="stable")[:, :_LOOKED_AT]
     rows = np.arange(len(measured))[:, None]
     seen = measured.readings[:, None]
+    noise = np.mean(measured.noise_sd**2, axis=(1, 2))[:, None]
+    fitted, allowed = (a[rows, few].reshape(*few.shape, *seen.shape[2:]) for a in (pool.readings, pool.allowed))
+    left = np.sqrt(np.maximum(np.mean((seen - allowed) ** 2, axis=(-1, -2)) - noise, 0.0))
 
-    def off(readings: np.ndarray) -> np.ndarray:
-        computed = readings[rows, few].reshape(*few.shape, *seen.shape[2:])
+    def placed(values: np.ndarray) -> np.ndarray:
         out = np.full(share.shape, np.inf)
-        out[rows, few] = _colour_difference(measured, seen, computed)
+        out[rows, few] = values
         return out
 
-    return off(pool.readings), off(pool.allowed)
+    colours = (placed(_colour_difference(measured, seen, readings)) for readings in (fitted, allowed))
+    return *colours, placed(left)
