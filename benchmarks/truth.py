@@ -90,10 +90,14 @@ def cases(films: Films, recipes: dict[str, dict[str, float]]) -> list[Case]:
         if (count[whole.shares[row] > 0] < 2).any():
             continue
         rest = without(whole, films, recipes, row)
-        total = sum(recipes[name].values())
-        truth = family({paint: share / total for paint, share in recipes[name].items() if share > 0})
-        out.append(Case(row, name, truth, [rest.pigment(paint, UNIT) for paint in rest.paints]))
+        out.append(Case(row, name, by_family(recipes[name]), [rest.pigment(paint, UNIT) for paint in rest.paints]))
     return out
+
+
+def by_family(recipe: dict[str, float]) -> dict[str, float]:
+    """Fractions of a recipe by pigment family."""
+    total = sum(recipe.values())
+    return family({paint: share / total for paint, share in recipe.items() if share > 0})
 
 
 def answer(case: Case, found: Identification) -> Answer:
@@ -113,21 +117,23 @@ def answer(case: Case, found: Identification) -> Answer:
         ordered,
         fractions,
         chances[own],
-        none,
         first.delta_e,
         found.words(0),
+        bool(found.explained[0]),
         float(found.misfit[0]),
     )
 
 
-def main_table(results: Results, films: Films, left: list[Case]) -> dict[str, tuple[list[Answer], list[Answer]]]:
+def main_table(
+    results: Results, films: Films, recipes: dict[str, dict[str, float]], left: list[Case]
+) -> dict[str, tuple[list[Answer], list[Answer]]]:
     """All methods on all films, with and without the family of the main paint."""
     methods: dict[str, Callable[[Case, list[Pigment]], Answer]] = {
         "glazejax": lambda case, paints: answer(case, identify_films(films.take([case.row]), paints)),
         "errors band by band, as before": lambda case, paints: answer(
             case, identify_films(films.take([case.row]), [_bare(p) for p in paints], discrepancy=Discrepancy())
         ),
-        **{words: _peer(films, left, method) for words, method in PEERS.items()},
+        **{words: _peer(films, recipes, method) for words, method in PEERS.items()},
     }
     results(f"FILMS LEFT OUT ({len(left)}; {sum(len(c.truth) > 1 for c in left)} of several paints)")
     results(f"{'':<36}right first            first three  weight fraction  none          AUC of")
@@ -161,14 +167,14 @@ def _bare(pigment: Pigment) -> Pigment:
     )
 
 
-def _peer(films: Films, left: list[Case], method) -> Callable[[Case, list[Pigment]], Answer]:
-    recipes = {case.name: case.truth for case in left}
+def _peer(films: Films, recipes: dict[str, dict[str, float]], method) -> Callable[[Case, list[Pigment]], Answer]:
+    known_as = {name: by_family(recipe) for name, recipe in recipes.items()}
 
     def look(case: Case, paints: list[Pigment]) -> Answer:
         known = {frozenset(family({paint.name: 1.0})) for paint in paints}
-        names = [n for n in films.names if n != case.name and n in recipes]
-        library = [n for n in names if all(frozenset({p}) in known for p in recipes[n])]
-        ranked, fractions, misfit = method(films, case.row, library, recipes, paints)
+        names = [n for n in films.names if n != case.name]
+        library = [n for n in names if all(frozenset({p}) in known for p in known_as[n])]
+        ranked, fractions, misfit = method(films, case.row, library, known_as, paints)
         return Answer(case.name, case.truth, ranked, fractions, 1.0, float("nan"), "", True, misfit)
 
     return look
@@ -293,7 +299,7 @@ def main() -> None:
     folder = measured_data("revigo")
     films, recipes = read_films(folder / "reflectance.tsv"), read_names(folder / "mixtures.tsv")
     left = cases(films, recipes)
-    scored = main_table(results, films, left)
+    scored = main_table(results, films, recipes, left)
     full, gone = scored["glazejax"]
     nested_none(results, full, gone, left)
     results()
