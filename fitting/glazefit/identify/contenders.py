@@ -7,7 +7,7 @@ least squared residual, relative to what counts as near at each reading; the sur
 
 import functools
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import jax
 import jax.numpy as jnp
@@ -65,8 +65,11 @@ class Contenders:
     @classmethod
     def join(cls, parts: Sequence["Contenders"]) -> "Contenders":
         """Those of several batches as one."""
-        names = ("members", "coats", "fractions", "rmse", "delta_e")
-        return cls(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+        return cls(**{f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)})
+
+    def take(self, count: int) -> "Contenders":
+        """Those of the first spectra."""
+        return type(self)(**{f.name: getattr(self, f.name)[:count] for f in fields(self)})
 
 
 def find_contenders(
@@ -92,9 +95,11 @@ def find_contenders(
     """
     measured = found.measured
     known = check_pigments(pigments, measured.wavelengths)
+    # A film that hides its ground has a thickness that is set.
+    usual = float(np.median(found.amounts[:, 0].sum(axis=-1))) if found.opaque else prior.thickness
     response = film_response(instrument.geometry, instrument.refractive_index)
     k, s = (np.stack([np.asarray(getattr(p, what)) for p in known]) for what in ("absorption", "scattering"))
-    paints = Paints(jnp.asarray(k * prior.thickness), jnp.asarray(s * prior.thickness))
+    paints = Paints(jnp.asarray(k * usual), jnp.asarray(s * usual))
     surface = instrument.seen_surface
     sd = np.hypot(measured.noise_sd, _NEAR + _NEAR_SHARE * measured.readings)
     white = whitening(noise_covariance(sd, surface, discrepancy))[0]
@@ -103,13 +108,13 @@ def find_contenders(
     # Few sizes, so that little is compiled.
     padded = np.resize(np.arange(len(measured)), CHUNK if 1 < len(measured) < CHUNK else len(measured))
     spectra = tuple(jnp.asarray(a[padded]) for a in (measured.grounds, target, white))
-    sets, starts = (a[: len(measured)] for a in _starts(response, paints, spectra, max_paints))
+    sets, starts = (a[: len(measured)] for a in _starts(response, paints, spectra, max_paints, found.opaque))
     if max_paints == 3 and len(known) > 2:
-        third = _beside(found, len(known), prior.thickness)
+        third = _beside(found, len(known), usual)
         sets, starts = (np.concatenate(both, axis=2) for both in zip((sets, starts), third, strict=True))
     films = sets.shape[1:3]
     sets, starts = sets.reshape(len(measured), -1, 3), starts.reshape(len(measured), -1, 3)
-    fits = _fit(response, paints, jnp.asarray(sets[padded]), jnp.asarray(starts[padded]), *spectra)
+    fits = _fit(response, paints, jnp.asarray(sets[padded]), jnp.asarray(starts[padded]), *spectra, found.opaque)
     unknowns, fitted = (np.asarray(a)[: len(measured)] for a in fits)
     lever = np.einsum("srt,sr->st", white, white.sum(axis=-1))
     off = readings[:, None] - fitted
@@ -168,12 +173,13 @@ def _nearest(measured: Measured, sd: np.ndarray, kinds: list[_Fits], count: int)
 
 
 def _starts(
-    response: FilmResponse, paints: Paints, spectra: tuple[Array, Array, Array], max_paints: int
+    response: FilmResponse, paints: Paints, spectra: tuple[Array, Array, Array], max_paints: int, opaque: bool
 ) -> tuple[np.ndarray, np.ndarray]:
     """For each spectrum and paint the best partners, (spectra, paints, partners, 3), and unknowns to start from."""
     count = paints.absorption.shape[0]
     alone = max_paints == 1 or count == 1
-    total, share = (a.reshape(-1) for a in np.meshgrid(_TOTALS, np.ones(1) if alone else _SHARES, indexing="ij"))
+    tries = np.ones(1) if opaque else _TOTALS, np.ones(1) if alone else _SHARES
+    total, share = (a.reshape(-1) for a in np.meshgrid(*tries, indexing="ij"))
     partners = np.full((count, 1), NOBODY) if alone else np.stack([np.delete(np.arange(count), i) for i in range(count)])
     tried = _screen(response, paints, *(jnp.asarray(a) for a in (partners, total, share)), *spectra)
     cost, where = (np.swapaxes(np.asarray(a), 0, 1) for a in tried)
@@ -255,9 +261,16 @@ def _shares(unknowns: Float[Array, "*n 3"], sets: Int[Array, "*n 3"]) -> Float[A
     return jnp.stack([paint, (1.0 - paint) * first, (1.0 - paint) * (1.0 - first)], axis=-1)
 
 
-@jax.jit
+@functools.partial(jax.jit, static_argnames="opaque")
 def _fit(
-    response: FilmResponse, paints: Paints, sets: Array, starts: Array, grounds: Array, target: Array, white: Array
+    response: FilmResponse,
+    paints: Paints,
+    sets: Array,
+    starts: Array,
+    grounds: Array,
+    target: Array,
+    white: Array,
+    opaque: bool,
 ) -> tuple[Float[Array, "spectra films 3"], Float[Array, "spectra films readings"]]:
     """Unknowns of the nearest films, and their readings without the surface."""
 
@@ -265,7 +278,7 @@ def _fit(
         sets, starts, ground, target, white = spectrum
 
         def film(members: Array, start: Array) -> tuple[Array, Array]:
-            free = _free(members)
+            free = _free(members, opaque)
 
             def read(unknowns: Array) -> tuple[Array, Array]:
                 amounts = jnp.exp(unknowns[0]) * _shares(unknowns, members)
@@ -289,7 +302,7 @@ def _fit(
     return jax.lax.map(one, (sets, starts, grounds, target, white))
 
 
-def _free(members: Int[Array, "3"]) -> Bool[Array, "3"]:
+def _free(members: Int[Array, "3"], opaque: bool) -> Bool[Array, "3"]:
     """Which unknowns a film of these paints has."""
     others = (members[1] >= 0) | (members[2] >= 0)
-    return jnp.stack([jnp.asarray(True), others, (members[1] >= 0) & (members[2] >= 0)])
+    return jnp.stack([jnp.asarray(not opaque), others, (members[1] >= 0) & (members[2] >= 0)])

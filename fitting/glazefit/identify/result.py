@@ -149,6 +149,11 @@ class Identification:
         """Whether films of the catalogue's paints are together more probable than none, (spectra,)."""
         return self.none < 0.5
 
+    @property
+    def two_coats(self) -> Float[np.ndarray, "spectra"]:
+        """Probability that the film has two coats, over the candidates kept; 0 where one coat alone was tried."""
+        return np.where((self.coats > 0).any(axis=-1), self.probability, 0.0).sum(axis=1)
+
     @cached_property
     def fractions(self) -> Float[np.ndarray, "spectra candidates 3"]:
         """By mass, of all paint in the film."""
