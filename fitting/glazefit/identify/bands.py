@@ -1,7 +1,7 @@
 """Where readings of a film may lie about an explanation of it: what the stated errors leave when amounts are fitted.
 
-Noise, the model's own error and errors of the paints' k and s make a covariance of the readings; a fit of the amounts and
-of the surface's share takes part of that away. What is left is how far measured and fitted spectra differ where an
+Noise, the model's own error and errors of the paints' k and s make a covariance of the readings; a fit of the amounts
+and of the surface's share takes part of that away. What is left is how far measured and fitted spectra differ where an
 explanation is right and the errors are as stated.
 """
 
@@ -64,11 +64,10 @@ def expected_bands(
     slopes = _slopes(found, known, instrument, prior, count)
     at = np.maximum(members, 0)
     own = relative_errors(known, d)
-    scaled = model_covariance(
-        measured.wavelengths, measured.readings.shape[1], d, d.amplitude + d.share * readings
-    ) + coefficient_covariance(
-        slopes, np.concatenate([own[at, 0], own[at, 1]], axis=-2), measured.wavelengths, d
-    )  # fmt: skip
+    known_errors = np.concatenate([own[at, 0], own[at, 1]], axis=-2)
+    off = d.amplitude + d.share * readings
+    scaled = model_covariance(measured.wavelengths, measured.readings.shape[1], d, off)
+    scaled = scaled + coefficient_covariance(slopes, known_errors, measured.wavelengths, d)
     modes = error_modes(known, d)
     if modes.shape[-1]:
         scaled = scaled + modes_covariance(slopes, np.concatenate([modes[at, 0], modes[at, 1]], axis=-3))
@@ -89,7 +88,7 @@ def expected_bands(
     fitted = np.swapaxes(lever, -1, -2) @ np.linalg.solve(lever @ solved + held, lever)
     left = np.diagonal(covariance, axis1=-2, axis2=-1) - np.diagonal(fitted, axis1=-2, axis2=-1)
     ends = norm.ppf(0.95) if d.freedom is None else t.ppf(0.95, d.freedom)
-    return (float(ends) * np.sqrt(np.maximum(left, noise))).reshape(*members.shape[:2], *measured.readings.shape[1:])
+    return (float(ends) * np.sqrt(np.maximum(left, 0.0))).reshape(*members.shape[:2], *measured.readings.shape[1:])
 
 
 def _slopes(
@@ -111,5 +110,6 @@ def _slopes(
     if (coats > 0).any():
         optics = Optics.of(instrument.geometry, instrument.refractive_index)
         stacks = stack_slopes(*films, jnp.asarray(coats), jlogs, ground, optics)
-        slopes = np.where((coats > 0).any(axis=-1)[..., None, None], stacks, slopes)
+        stacked = np.any(coats > 0, axis=-1, keepdims=True)
+        slopes = np.where(np.asarray(stacked)[..., None], stacks, slopes)
     return np.asarray(slopes)[: len(found)]

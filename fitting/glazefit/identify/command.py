@@ -70,8 +70,8 @@ def identify(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Also write a report to file, FILE.html: one page with every spot, its fits, amounts with 90 % intervals "
-            "and what was ruled out; beside it the same as FILE.csv and FILE.json.",
+            help="Also write a report to file, such as report.html: one page with each spectrum, its best fits, "
+            "amounts with 90 % intervals and what was ruled out; beside it the same as report.csv and report.json.",
             show_default=False,
         ),
     ] = None,
@@ -104,7 +104,6 @@ def identify(
 
     from ..film.errors import Discrepancy, Prior
     from ..film.films import Instrument, Noise
-
     from .record import input_files
 
     start_jax()
@@ -223,12 +222,12 @@ def _read(
         films = films.select(wanted) if wanted else films
         cards = np.stack([films.bare_black, films.bare_white], axis=1)
         spectra = np.stack([films.over_black, films.over_white], axis=1)
-        words = ("the black card", "the white card")
-        return _Spectra(films.names, films.wavelengths, spectra, inside(cards), words, table.notes)
+        words = ("black card, measured bare", "white card, measured bare")
+        return _Spectra(films.names, films.wavelengths, spectra, inside(cards), words, tuple(table.notes))
     rows = options.choose_rows(file, table.names, wanted)
     spectra, names = table.reflectance[rows], tuple(table.names[i] for i in rows)
     if opaque:
-        return _Spectra(names, table.wavelengths, spectra, None, ("a ground that is not seen",), table.notes)
+        return _Spectra(names, table.wavelengths, spectra, None, ("a ground that is not seen",), tuple(table.notes))
     if ground is None:
         raise ValueError(
             f"{file}: what is under the paint? Give --ground, its reflectance such as 0.9 or a table, or --opaque; or "

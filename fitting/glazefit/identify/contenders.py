@@ -1,8 +1,9 @@
 """The nearest film with each paint of the catalogue: what speaks against the paints that were not found.
 
-A trace of any paint can hide in any film. Asked is therefore for films with at least `LEAST_SHARE` of a paint: alone, in a
-pair with every other paint, and beside the paints of the most probable explanation. The nearest of them is that of the
-least squared residual, relative to what counts as near at each reading; the surface's share is free within its prior.
+A trace of any paint can hide in any film. Films are therefore asked for that have at least `LEAST_SHARE` of a paint: it
+alone, in a pair with every other paint, and beside the main paints of the most probable explanation. The nearest of
+them is that of the least squared residual, relative to what counts as near at each reading; the surface's share is
+free within its prior.
 """
 
 import functools
@@ -35,7 +36,7 @@ _THIRD_SHARES = (0.02, 0.2)
 # Partners that are fitted for each paint, after all were tried.
 _PARTNERS = 2
 _STEPS, _LONGEST, _FAR = 14, 2.0, 20.0
-# Standard deviations of the log total and of both log odds: they only keep a fit from wandering off where nothing is seen.
+# Standard deviations of the log total and of both log odds: they only keep a fit from wandering where nothing is seen.
 _LOOSE = np.array([2.0, 4.0, 4.0])
 # What counts as near: near black, and for each unit of reflectance.
 _NEAR, _NEAR_SHARE = 0.005, 0.02
@@ -46,9 +47,11 @@ class Contenders:
     """The nearest film with each paint.
 
     Attributes:
-        members: paints of the film by number, the one asked for first, `NOBODY` where there is none, (spectra, paints, 3).
+        members: paints of the film by number, (spectra, paints, 3), the one asked for first; `NOBODY` where there is
+            none.
         coats: coat of each, 0 the uppermost.
         fractions: by mass, (spectra, paints, 3); 0 where there is no paint.
+        thickness: m, (spectra, paints); without a meaning for films that hide their ground.
         rmse: root mean square of the residual, (spectra, paints).
         delta_e: CIEDE2000 (D65, 10 degrees), the largest over the grounds; NaN where the bands give no colour.
     """
@@ -56,6 +59,7 @@ class Contenders:
     members: Int[np.ndarray, "spectra paints 3"]
     coats: Int[np.ndarray, "spectra paints 3"]
     fractions: Float[np.ndarray, "spectra paints 3"]
+    thickness: Float[np.ndarray, "spectra paints"]
     rmse: Float[np.ndarray, "spectra paints"]
     delta_e: Float[np.ndarray, "spectra paints"]
 
@@ -107,7 +111,8 @@ def find_contenders(
     target = np.einsum("srt,st->sr", white, readings)
     # Few sizes, so that little is compiled.
     padded = np.resize(np.arange(len(measured)), CHUNK if 1 < len(measured) < CHUNK else len(measured))
-    spectra = tuple(jnp.asarray(a[padded]) for a in (measured.grounds, target, white))
+    grounds, wanted, basis = (jnp.asarray(a[padded]) for a in (measured.grounds, target, white))
+    spectra = grounds, wanted, basis
     sets, starts = (a[: len(measured)] for a in _starts(response, paints, spectra, max_paints, found.opaque))
     if max_paints == 3 and len(known) > 2:
         third = _beside(found, len(known), usual)
@@ -122,7 +127,8 @@ def find_contenders(
     fitted = fitted + np.maximum(gloss, 0.0)[..., None] * surface
     shares = np.where(sets == NOBODY, 0.0, np.asarray(_shares(jnp.asarray(unknowns), jnp.asarray(sets))))
     asked = np.broadcast_to(np.repeat(np.arange(films[0]), films[1]), sets.shape[:2])
-    tried = _Fits(asked, sets, np.zeros_like(sets), shares, fitted)
+    thickness = usual * np.exp(unknowns[..., 0])
+    tried = _Fits(asked, sets, np.zeros_like(sets), shares, thickness, fitted)
     return _nearest(measured, sd, [tried, *_explanations(found)], len(known))
 
 
@@ -134,6 +140,7 @@ class _Fits:
     members: Int[np.ndarray, "spectra films 3"]
     coats: Int[np.ndarray, "spectra films 3"]
     shares: Float[np.ndarray, "spectra films 3"]
+    thickness: Float[np.ndarray, "spectra films"]
     readings: Float[np.ndarray, "spectra films readings"]
 
 
@@ -145,7 +152,8 @@ def _explanations(found: Identification) -> list[_Fits]:
         order = [place, *(n for n in range(3) if n != place)]
         members, coats, shares = (a[..., order] for a in (found.members, found.coats, found.fractions))
         enough = (members[..., 0] != NOBODY) & (shares[..., 0] >= LEAST_SHARE) & (found.probability > 0)
-        out.append(_Fits(np.where(enough, members[..., 0], NOBODY), members, coats, shares, readings))
+        paint = np.where(enough, members[..., 0], NOBODY)
+        out.append(_Fits(paint, members, coats, shares, found.amounts.sum(axis=-1), readings))
     return out
 
 
@@ -153,9 +161,8 @@ def _nearest(measured: Measured, sd: np.ndarray, kinds: list[_Fits], count: int)
     """The nearest of the films with each paint."""
     from glazejax.colour import delta_e_of_spectra
 
-    names = ("paint", "members", "coats", "shares", "readings")
-    paint, members, coats, shares, readings = (
-        np.concatenate([getattr(kind, name) for kind in kinds], axis=1) for name in names
+    paint, members, coats, shares, thickness, readings = (
+        np.concatenate([getattr(kind, f.name) for kind in kinds], axis=1) for f in fields(_Fits)
     )
     given = measured.readings.reshape(len(measured), 1, -1)
     cost = np.sum(((given - readings) / sd.reshape(given.shape)) ** 2, axis=-1)
@@ -169,7 +176,8 @@ def _nearest(measured: Measured, sd: np.ndarray, kinds: list[_Fits], count: int)
     except ValueError:
         seen = np.full(best.shape, np.nan)
     rmse = np.sqrt(np.mean(off**2, axis=(-1, -2)))
-    return Contenders(members[rows, best], coats[rows, best], shares[rows, best], rmse, np.asarray(seen))
+    members, coats, shares, thickness = (a[rows, best] for a in (members, coats, shares, thickness))
+    return Contenders(members, coats, shares, thickness, rmse, np.asarray(seen))
 
 
 def _starts(
@@ -180,7 +188,8 @@ def _starts(
     alone = max_paints == 1 or count == 1
     tries = np.ones(1) if opaque else _TOTALS, np.ones(1) if alone else _SHARES
     total, share = (a.reshape(-1) for a in np.meshgrid(*tries, indexing="ij"))
-    partners = np.full((count, 1), NOBODY) if alone else np.stack([np.delete(np.arange(count), i) for i in range(count)])
+    others = [[NOBODY] if alone else np.delete(np.arange(count), paint) for paint in range(count)]
+    partners = np.asarray(others)
     tried = _screen(response, paints, *(jnp.asarray(a) for a in (partners, total, share)), *spectra)
     cost, where = (np.swapaxes(np.asarray(a), 0, 1) for a in tried)
     best = np.argsort(cost, axis=-1, kind="stable")[..., :_PARTNERS]
@@ -239,8 +248,8 @@ def _beside(found: Identification, count: int, usual: float) -> tuple[np.ndarray
             main = [i for i in order if members[i] != paint][:2]
             sets[row, paint, :, 1 : 1 + len(main)] = members[main]
             first = amounts[main[0]] / amounts[main].sum() if main else 0.5
-            total = amounts.sum() / usual
-            starts[row, paint] = _unknowns(total, np.asarray(_THIRD_SHARES), np.clip(first, 1e-4, 1.0 - 1e-4))
+            given = amounts.sum() / usual, _THIRD_SHARES, np.clip(first, 1e-4, 1.0 - 1e-4)
+            starts[row, paint] = _unknowns(*(np.asarray(a) for a in given))
     return sets, starts
 
 

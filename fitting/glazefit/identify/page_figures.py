@@ -35,9 +35,9 @@ def draw_spectra(spot: Mapping[str, Any], grid: np.ndarray, grounds: list[str]) 
                 axes.plot(grid, middle, ls=_DASHES[n], color=_COLOURS[n], lw=1.7 - 0.2 * n)
         for reading in measured:
             axes.plot(grid, reading, "o", color=INK, ms=2.6, mfc="none", mew=0.7)
-        label_spectra(axes, ylim=(0, max(1.0, float(measured.max()) * 1.05)), xlim=_ends(grid))
+        label_spectra(axes, ylim=(0, max(0.1, float(measured.max()) * 1.15)), xlim=_ends(grid))
         if len(measured) > 1:
-            axes.text(0.01, 1.0, _over(grounds), transform=axes.transAxes, fontsize=7.5, color=FAINT, va="bottom")
+            _note(axes, "; ".join(f"over {_short(ground)}" for ground in grounds))
 
     return _svg(spot["id"] + "-spectra", draw)
 
@@ -47,26 +47,35 @@ def draw_residuals(spot: Mapping[str, Any], grid: np.ndarray, grounds: list[str]
 
     def draw(figure: Any) -> None:
         measured = np.asarray(spot["measured"])
+        fits = spot["explanations"][:FITS]
+        off = float(max(np.abs(measured - np.asarray(found["fitted"])).max() for found in fits))
+        band = float(np.max(fits[0]["band_90"])) if fits[0]["band_90"] is not None else 0.0
+        # A band that is far wider than what is left fills the panel, so that what is left can be seen.
+        most = max(1.15 * off, min(1.05 * band, 5.0 * off), 0.01)
         panels = figure.subplots(len(measured), 1, sharex=True, sharey=True, squeeze=False)[:, 0]
         for g, axes in enumerate(panels):
-            for n, found in reversed(list(enumerate(spot["explanations"][:FITS]))):
+            for n, found in reversed(list(enumerate(fits))):
                 if n == 0 and found["band_90"] is not None:
                     half = np.asarray(found["band_90"][g])
                     axes.fill_between(grid, -half, half, color=_COLOURS[0], alpha=0.18, lw=0)
                 off = measured[g] - np.asarray(found["fitted"][g])
                 axes.plot(grid, off, ls=_DASHES[n], color=_COLOURS[n], lw=1.7 - 0.2 * n)
             axes.axhline(0, color=EDGE, lw=0.7)
-            axes.set(xlim=_ends(grid))
+            axes.set(xlim=_ends(grid), ylim=(-most, most))
             if len(measured) > 1:
-                axes.text(0.01, 1.0, grounds[g], transform=axes.transAxes, fontsize=7.5, color=FAINT, va="bottom")
+                _note(axes, _short(grounds[g]))
         label_spectra(panels[-1], "")
         figure.supylabel("measured − fitted", fontsize=9, color=INK)
 
     return _svg(spot["id"] + "-residuals", draw)
 
 
-def _over(grounds: list[str]) -> str:
-    return " and ".join(f"over {ground}" for ground in grounds)
+def _note(axes: Any, words: str) -> None:
+    axes.text(0.01, 1.0, words, transform=axes.transAxes, fontsize=7.5, color=FAINT, va="bottom")
+
+
+def _short(ground: str) -> str:
+    return ground.partition(",")[0]
 
 
 def _ends(grid: np.ndarray) -> tuple[float, float]:

@@ -1,4 +1,4 @@
-"""All that is filed of an identification, as plain numbers and words: what the page, the table and the JSON say alike."""
+"""All that is filed of an identification, in plain numbers and words, for the page, the table and the JSON alike."""
 
 import hashlib
 import platform

@@ -11,7 +11,7 @@ from .result import NOBODY, Candidate, Identification, percent
 IMPROBABLE = 0.01
 """Probability below which a paint counts as ruled out."""
 
-# Without a colour: a root mean square that is as bad as a Delta E00 of `REJECTED`, and times the best one that is no more.
+# Where there is no colour, a root mean square that is as bad as a Delta E00 of `REJECTED`; and how much worse is worse.
 _OFF, _WORSE = 0.03, 1.5
 
 
@@ -25,8 +25,8 @@ class RuledOut(NamedTuple):
         paints: of that film, the one ruled out first, and their fractions.
         delta_e: of that film; NaN where the bands give no colour.
         rmse: of its residual.
-        kind: "misfit" (a person sees that it does not fit), "worse" (others fit better), or "unneeded" (it fits as well,
-            and nothing calls for it).
+        kind: "misfit" (a person sees that it does not fit), "trace" (the same, but a trace stays possible), "worse"
+            (others fit better), or "unneeded" (it fits as well, and nothing calls for it).
         reason: one sentence.
     """
 
@@ -41,11 +41,15 @@ class RuledOut(NamedTuple):
 
 
 def ruled_out(found: Identification, contenders: Contenders, row: int) -> list[RuledOut]:
-    """Paints whose probability to be in a film is below 1 %, the worst fits first."""
+    """Paints that do not fit, or whose probability to be in a film is below 1 %, the worst fits first.
+
+    A paint that more likely is there than not is not among them, however little of it.
+    """
     chances = found.paint_probability[row]
     best = found.ranked(row, 1)[0]
-    out = [_judge(found, contenders, row, int(i), best) for i in np.flatnonzero(chances < IMPROBABLE)]
-    kinds = ("misfit", "worse", "unneeded")
+    judged = [_judge(found, contenders, row, int(i), best) for i in np.flatnonzero(chances < 0.5)]
+    out = [paint for paint in judged if paint.probability < IMPROBABLE or paint.kind == "trace"]
+    kinds = ("misfit", "trace", "worse", "unneeded")
     return sorted(out, key=lambda paint: (kinds.index(paint.kind), -np.nan_to_num(paint.delta_e), -paint.rmse))
 
 
@@ -64,15 +68,17 @@ def _judge(found: Identification, contenders: Contenders, row: int, paint: int, 
     elif seen and off > max(UNSEEN, best.delta_e):
         kind = "worse"
         reason = f"the best film with it is off by {by}, that of the most probable paints by {best.delta_e:.1f}"
-    elif rmse > _WORSE * best.rmse:
+    elif rmse > _WORSE * max(best.rmse, float(np.median(found.measured.noise_sd[row]))):
         kind = "worse"
         reason = f"its colour comes near ({by}), its spectrum less so: RMSE {rmse:.4f} against {best.rmse:.4f}"
         reason = reason if seen else f"its spectrum is further off: RMSE {rmse:.4f} against {best.rmse:.4f}"
     else:
         kind = "unneeded"
-        reason = f"fits as well ({by}), but nothing calls for it: films without it explain the spectrum"
+        reason = f"fits as well ({by}) with {percent(shares[0])} of it, but nothing calls for it"
+    chance = float(found.paint_probability[row, paint])
     if kind == "misfit" and shares[0] < 2 * LEAST_SHARE and len(there) > 1:
         reason += f", with as little as {percent(shares[0])} of it"
+    if kind == "misfit" and chance >= IMPROBABLE:
+        kind, reason = "trace", f"{reason}; less than {LEAST_SHARE:.0%} of it stays possible"
     parts = {found.paints[members[n]]: float(shares[n]) for n in there}
-    chance = float(found.paint_probability[row, paint])
     return RuledOut(name, chance, film, parts, off, rmse, kind, f"{name}: {reason}.")
