@@ -1,5 +1,6 @@
 """The command `glazejax identify`: measured spectra in; paints, fractions, thickness and probabilities out."""
 
+import inspect
 import shlex
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -30,7 +31,6 @@ def register(app: typer.Typer) -> None:
 
 
 def identify(
-    context: typer.Context,
     file: Annotated[
         Path | None,
         typer.Argument(
@@ -85,6 +85,7 @@ def identify(
 
     Example: glazejax identify films.tsv --out found.png
     """
+    typed = dict(locals())
     if file is None:
         raise ValueError("no FILE was given; name a table of spectra, such as films.tsv")
     _check_numbers(max_paints, layers, top)
@@ -144,7 +145,7 @@ def identify(
     found = Identification.join(parts)
     _report(found, console, top, csv, residuals, out, overwrite)
     if filing is not None and report is not None:
-        about = _about(context, task, instrument, settings, paints, inputs)
+        about = _about(typed, task, instrument, settings, paints, inputs)
         beside = filing.write(found, about, report, top, overwrite=overwrite)
         console.print(f"Wrote the report to {report}, and the same as {beside[0]} and {beside[1]}")
     words = f"{len(found)} spectra" if len(found) > 1 else "1 spectrum"
@@ -242,7 +243,7 @@ def _read(
 
 
 def _about(
-    context: typer.Context,
+    typed: Mapping[str, Any],
     task: _Spectra,
     instrument: "Instrument",
     settings: Mapping[str, Any],
@@ -256,39 +257,39 @@ def _about(
 
     from .record import About
 
-    given = context.params
-    name, own = given["catalogue"], given["pigments"]
+    name, own = typed["catalogue"], typed["pigments"]
     shelf: dict[str, Any] = {"name": str(own or name), "scale": catalogue.assumed_scale(paints[0])}
     if own is None:
         shelf["file"], shelf["sha256"] = catalogue.checksum(name)
     return About(
-        title=given["file"].name,
-        command=_typed(context),
-        options={p.opts[0]: _plain(given[p.name]) for p in context.command.params if p.name in given},
+        title=typed["file"].name,
+        command=_command(typed),
+        options={_option(name): _plain(value) for name, value in typed.items()},
         inputs=inputs,
         catalogue={**shelf, "provenance": "; ".join(dict.fromkeys(p.provenance for p in paints if p.provenance))},
         geometry=instrument.geometry.describe(),
         refractive_index=instrument.refractive_index,
         grounds=task.words,
         notes=task.notes,
-        max_paints=given["max_paints"],
-        layers=given["layers"],
+        max_paints=typed["max_paints"],
+        layers=typed["layers"],
         settings={name: asdict(each) for name, each in settings.items()},
         asked=task.names,
     )
 
 
-def _typed(context: typer.Context) -> str:
-    """The command line, with the options that were given."""
-    words = ["glazejax", "identify"]
-    for param in context.command.params:
-        source = context.get_parameter_source(param.name or "")
-        if source is None or source.name != "COMMANDLINE":
-            continue
-        value = context.params[param.name or ""]
-        words += [] if param.param_type_name == "argument" else [param.opts[0]]
-        words += [] if value is True else [str(value)]
+def _command(typed: Mapping[str, Any]) -> str:
+    """The command line, with the options that differ from what they are by default."""
+    usual = inspect.signature(identify).parameters
+    words = ["glazejax", "identify", str(typed["file"])]
+    for name, value in typed.items():
+        if name != "file" and value != usual[name].default:
+            words += [_option(name), *([] if value is True else [str(value)])]
     return shlex.join(words)
+
+
+def _option(name: str) -> str:
+    return "FILE" if name == "file" else f"--{name.replace('_', '-')}"
 
 
 def _plain(value: Any) -> Any:
