@@ -297,8 +297,7 @@ def test_why_a_paint_is_ruled_out():
     assert usual["Chalk"].kind == "unneeded"
     assert usual["Chalk"].film == "30 % Chalk + 70 % Red"
     assert judged(delta_e=[0, 0, 0, 2.5, 9.1])["Chalk"].reason == (
-        f"Chalk: the best film with it is off by Delta E00 2.5, that of the most probable paints by "
-        f"{found.ranked(0, 1)[0].delta_e:.1f}."
+        f"Chalk: the best film with it is off by Delta E00 2.5, the most probable film by {found.delta_e[0, 0]:.1f}."
     )
     assert judged(rmse=[0, 0, 0, 0.02, 0.08])["Chalk"].kind == "worse"
     assert "spectrum less so: RMSE 0.0200 against 0.0020" in judged(rmse=[0, 0, 0, 0.02, 0.08])["Chalk"].reason

@@ -70,7 +70,7 @@ def identify(
         Path | None,
         typer.Option(
             metavar="FILE",
-            help="Also write a report to file, such as report.html: one page with each spectrum, its best fits, "
+            help="Also write a report, such as report.html: one page to file, with each spectrum, its best fits, "
             "amounts with 90 % intervals and what was ruled out; beside it the same as report.csv and report.json.",
             show_default=False,
         ),

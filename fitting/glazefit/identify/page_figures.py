@@ -65,7 +65,7 @@ def draw_residuals(spot: Mapping[str, Any], grid: np.ndarray, grounds: list[str]
             if len(measured) > 1:
                 _note(axes, _short(grounds[g]))
         label_spectra(panels[-1], "")
-        figure.supylabel("measured − fitted", fontsize=9, color=INK)
+        figure.supylabel("measured − fitted", x=0.005, fontsize=9, color=INK)
 
     return _svg(spot["id"] + "-residuals", draw)
 
@@ -94,7 +94,9 @@ def _svg(salt: str, draw: Any) -> str:
         from matplotlib.backends.backend_svg import FigureCanvasSVG
         from matplotlib.figure import Figure
 
-        figure = Figure(figsize=_SIZE, layout="constrained")
+        # Set by hand: a layout that matplotlib works out takes three times as long as the figure.
+        figure = Figure(figsize=_SIZE)
+        figure.subplots_adjust(left=0.15, right=0.985, bottom=0.155, top=0.94, hspace=0.28)
         draw(figure)
         text = io.StringIO()
         FigureCanvasSVG(figure).print_svg(text, metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")))

@@ -67,7 +67,7 @@ def _judge(found: Identification, contenders: Contenders, row: int, paint: int, 
         kind, reason = "misfit", f"the best film with it is off by {by}"
     elif seen and off > max(UNSEEN, best.delta_e):
         kind = "worse"
-        reason = f"the best film with it is off by {by}, that of the most probable paints by {best.delta_e:.1f}"
+        reason = f"the best film with it is off by {by}, the most probable film by {best.delta_e:.1f}"
     elif rmse > _WORSE * max(best.rmse, float(np.median(found.measured.noise_sd[row]))):
         kind = "worse"
         reason = f"its colour comes near ({by}), its spectrum less so: RMSE {rmse:.4f} against {best.rmse:.4f}"
