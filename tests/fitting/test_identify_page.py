@@ -270,7 +270,7 @@ def test_existing_files_are_kept_and_other_endings_refused(tmp_path):
 def test_a_failure_while_a_page_is_made_leaves_the_old_one(tmp_path, monkeypatch):
     path = tmp_path / "report.html"
     write_page(record(identification()), path)
-    before = path.read_bytes()
+    before = {file: file.read_bytes() for file in tmp_path.iterdir()}
 
     def fails(*_):
         raise RuntimeError("no ink")
@@ -278,8 +278,21 @@ def test_a_failure_while_a_page_is_made_leaves_the_old_one(tmp_path, monkeypatch
     monkeypatch.setattr(MODULE, "draw_spectra", fails)
     with pytest.raises(RuntimeError, match="no ink"):
         write_page(record(identification(["other"])), path, overwrite=True)
-    assert path.read_bytes() == before
-    assert not list(tmp_path.glob("*.part"))
+    assert {file: file.read_bytes() for file in tmp_path.iterdir()} == before
+
+
+def test_an_interrupt_while_spectra_are_drawn_ends_the_drawing(monkeypatch):
+    def stops(spot, *_):
+        if spot["id"] == "spot-2":
+            raise KeyboardInterrupt
+        return "<svg></svg>"
+
+    monkeypatch.setattr(MODULE, "draw_spectra", stops)
+    monkeypatch.setattr(MODULE, "draw_residuals", lambda *_: "")
+    seen = parsed(record(identification(["one", "two", "three"]), replace(ABOUT, asked=("one", "two", "three"))))
+    assert list(seen.spots) == ["spot-1", "spot-2", "spot-3"]
+    assert [tag for tag, _ in seen.tags].count("figure") == 2
+    assert "from here on spectra are not drawn" in "".join(seen.words.values())
 
 
 def test_why_a_paint_is_ruled_out():

@@ -45,12 +45,10 @@ def write_page(record: Record, path: Path, *, overwrite: bool = False) -> tuple[
     text = json.dumps(record, indent=1, allow_nan=False) + "\n"
     # A spectrum a line; the strings of JSON have no line breaks.
     text = re.sub(r"\[\n[-+\d.eE,\s]*\]", lambda numbers: re.sub(r"\s+", " ", numbers[0]), text)
-    pieces = {
-        table: [table_bytes(COLUMNS, table_rows(record))],
-        data: [text.encode()],
-        path: (piece.encode("utf-8", "xmlcharrefreplace") for piece in page(record, table.name, data.name)),
-    }
-    write_files(pieces, overwrite=overwrite)
+    # All is made before anything is written, so that no table stands beside an older page.
+    shown = [piece.encode("utf-8", "xmlcharrefreplace") for piece in page(record, table.name, data.name)]
+    rows = table_bytes(COLUMNS, table_rows(record))
+    write_files({table: [rows], data: [text.encode()], path: shown}, overwrite=overwrite)
     return table, data
 
 
@@ -69,8 +67,15 @@ def page(record: Record, table: str, data: str) -> Iterator[str]:
     yield "<h2>Spots</h2>\n"
     if len(record["spots"]) > DRAWN:
         yield f"<p>Spectra are drawn for the first {DRAWN} spots; those of all are in {escape(data)}.</p>\n"
+    last = DRAWN
     for number, spot in enumerate(record["spots"]):
-        yield spot_html(record, spot, drawn=number < DRAWN)
+        try:
+            yield spot_html(record, spot, drawn=number < last)
+        except KeyboardInterrupt:
+            # What takes long is drawing: an interrupt ends that, and the page is still filed.
+            last = number
+            yield f"<p>Interrupted: from here on spectra are not drawn; they are in {escape(data)}.</p>\n"
+            yield spot_html(record, spot, drawn=False)
     yield _method(record)
     yield _filed(record, table, data)
     yield "</main>\n</body>\n</html>\n"
