@@ -157,8 +157,9 @@ def _method(record: Record) -> str:
         "might be of others.",
         "The band about a fit is where 90 % of readings would lie if the explanation were right, with errors of the "
         "instrument, the model and the catalogue as stated, after the amounts are fitted.",
-        f"For a paint that was not found, films of it alone, with every other paint, and beside the most probable "
-        f"paints were fitted in one coat{', and two coats where those were found' if layers > 1 else ''}.",
+        "For a paint that was not found, films of it alone, with every other paint, and beside the most probable "
+        f"paints were fitted in one coat{', and the two coats that were found count too' if layers > 1 else ''}. The one "
+        "that is nearest in its spectrum is named.",
     ]
     if layers == 1:
         points.append("Two coats were not tried: a spot of several coats is described as if they were mixed.")

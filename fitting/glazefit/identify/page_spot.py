@@ -101,8 +101,9 @@ def _explanations(record: Record, spot: Record) -> str:
             body += f'<tr><td>{escape(paint["name"])}{coat}</td><td class="n">{share}</td>{amount}</tr>\n'
     amount = "" if opaque else '<th class="n">Amount, µm</th>'
     return (
-        f'<h4>Amounts</h4>\n<p class="faint">With 90\u202f% intervals, if the film is of these paints. Share: by mass, '
-        'of all paint in the film. Amount: thickness times share.</p>\n<div class="scroll"><table class="amounts">\n'
+        f'<h4>{"Shares" if opaque else "Amounts"}</h4>\n<p class="faint">With 90\u202f% intervals, if the film is of '
+        f"these paints. Share: by mass, of all paint in the film.{'' if opaque else ' Amount: thickness times share.'}</p>\n"
+        '<div class="scroll"><table class="amounts">\n'
         f'<thead><tr><th>Paint</th><th class="n">Share</th>{amount}</tr></thead>\n'
         f"<tbody>\n{body}</tbody></table></div>\n"
     )
