@@ -159,6 +159,7 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--csv": Looked("fitting/test_cli_identify.py:test_films_are_identified_written_and_drawn"),
         "--residuals": Looked("fitting/test_cli_identify.py:test_films_are_identified_written_and_drawn"),
         "--out": Looked("fitting/test_cli_identify.py:test_films_are_identified_written_and_drawn"),
+        "--report": Looked("fitting/test_cli_identify.py:test_a_report_is_filed"),
         "--overwrite": Reaches("--overwrite", bool, True, base=f"{SPECTRA} --ground 0.5 --csv paints.csv"),
     },
     "recover": {

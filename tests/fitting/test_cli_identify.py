@@ -1,4 +1,6 @@
 import csv
+import hashlib
+import json
 import subprocess
 import sys
 
@@ -57,6 +59,9 @@ def table(tmp_path_factory):
         (["films.csv", "--thickness", "20 furlongs"], "the unit 'furlongs' is unknown"),
         (["films.csv", "--csv", "same.csv", "--residuals", "same.csv"], "are both same.csv"),
         (["nowhere.csv"], "there is no such file"),
+        (["films.csv", "--report", "report.pdf"], "--report report.pdf: a report ends in .html, such as report.html"),
+        (["films.csv", "--report", "a.html", "--csv", "a.csv"], "the table of --report and --csv are both a.csv"),
+        (["films.csv", "--report", "films.html"], "the table of --report is films.csv, a file that is read"),
         (["films.csv", "--out", "picture.txt"], "pictures end in"),
     ],
 )
@@ -86,7 +91,7 @@ def test_help_names_the_options_and_starts_quickly():
     assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
     text = run("--help").output
     assert "nothing in the catalogue" in text
-    for option in ("--ground", "--opaque", "--max-paints", "--layers", "--csv", "--residuals"):
+    for option in ("--ground", "--opaque", "--max-paints", "--layers", "--csv", "--residuals", "--report"):
         assert option in text
 
 
@@ -108,3 +113,29 @@ def test_films_are_identified_written_and_drawn(table, tmp_path):
     )
     assert paths[2].stat().st_size > 10_000
     assert "exists; choose another name" in str(run(table, "--csv", paths[0]).exception)
+
+
+@pytest.mark.slow
+def test_a_report_is_filed(table, tmp_path):
+    page, ground = tmp_path / "report.html", tmp_path / "ground.csv"
+    write_table(ground, ["Name", *(f"{nm:g}" for nm in GRID)], [["card", *np.full(GRID.size, 0.8)]])
+    options = ["--ground", ground, "--only", "Vermillion,ZincWhite,CobaltBlue", "--max-paints", "2", "--report", page]
+    result = run(table, "--samples", "red_ow,tint_ow", *options)
+    assert result.exit_code == 0, result.output
+    assert f"Wrote the report to {page}" in " ".join(result.output.split()).replace("- ", "-")
+    filed = json.loads(page.with_suffix(".json").read_text())
+    assert [spot["name"] for spot in filed["spots"]] == ["red_ow", "tint_ow"]
+    assert filed["options"]["--max-paints"] == 2
+    assert filed["command"].startswith("glazejax identify ")
+    assert "--max-paints 2" in filed["command"]
+    assert "--top" not in filed["command"]
+    sums = {each["role"]: each["sha256"] for each in filed["inputs"]}
+    assert sums == {role: hashlib.sha256(path.read_bytes()).hexdigest() for role, path in
+                    (("FILE", table), ("--ground", ground))}  # fmt: skip
+    assert filed["catalogue"]["sha256"] == catalogue.checksum()[1]
+    assert set(filed["catalogue"]["paints"]) == {"Vermillion", "ZincWhite", "CobaltBlue"}
+    tint = filed["spots"][1]
+    assert [paint["name"] for paint in tint["explanations"][0]["paints"]] == ["ZincWhite", "Vermillion"]
+    assert "CobaltBlue" in {paint["paint"] for paint in tint["ruled_out"]}
+    assert "tint_ow" in page.read_text(encoding="utf-8")
+    assert "exists; choose another name" in str(run(table, *options).exception)

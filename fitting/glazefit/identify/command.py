@@ -1,7 +1,11 @@
 """The command `glazejax identify`: measured spectra in; paints, fractions, thickness and probabilities out."""
 
+import inspect
+import shlex
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -11,10 +15,15 @@ if TYPE_CHECKING:
     import numpy as np
     from rich.console import Console
 
+    from glazejax import Pigment
+
     from ..film.films import Instrument
+    from .record import About
     from .result import Identification
 
 _GEOMETRY = "d:8"
+# Candidates kept for a report, which says of every paint how near it comes.
+_KEPT = 40
 
 
 def register(app: typer.Typer) -> None:
@@ -58,6 +67,15 @@ def identify(
         ),
     ] = None,
     out: options.PictureIfNamed = None,
+    report: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Also write a report, such as report.html: one page to file, with each spectrum, its best fits, "
+            "amounts with 90 % intervals and what was ruled out; beside it the same as report.csv and report.json.",
+            show_default=False,
+        ),
+    ] = None,
     overwrite: options.Overwrite = False,
 ) -> None:
     """Which paints are in a film: a ranked list with probabilities, fractions and thickness.
@@ -68,11 +86,14 @@ def identify(
 
     Example: glazejax identify films.tsv --out found.png
     """
+    typed = dict(locals())
     if file is None:
         raise ValueError("no FILE was given; name a table of spectra, such as films.tsv")
     _check_numbers(max_paints, layers, top)
     usual = options.read_length(thickness)
-    options.check_outputs({"--csv": csv, "--residuals": residuals, "--out": out}, overwrite)
+    outputs = {"--csv": csv, "--residuals": residuals, "--out": out, **_report_files(report)}
+    read = {"FILE": file, "--ground": _ground_file(ground), "--pigments": pigments}
+    options.check_outputs(outputs, overwrite, inputs=list(read.values()))
     seen_by = options.read_geometry(geometry, _GEOMETRY)
     if opaque and ground is not None:
         raise ValueError("--opaque films show no ground: leave out --ground, or leave out --opaque")
@@ -83,17 +104,24 @@ def identify(
 
     from glazejax.commands.main import start_jax
 
-    from ..film.errors import Discrepancy, Prior
+    from ..film.errors import BETWEEN_FILMS, Prior
     from ..film.films import Instrument, Noise
+    from .record import input_files
 
     start_jax()
     console = Console(highlight=False)
     paints = options.choose_paints(options.read_shelf(pigments, catalogue), only)
     instrument = Instrument(seen_by, refractive_index)
+    inputs = input_files(read) if report is not None else []
     task = _read(file, samples, ground, bare, opaque, instrument, console)
     from .identify import identify_chunks
     from .result import Identification
 
+    settings = {
+        "noise": Noise(noise, noise_share),
+        "discrepancy": BETWEEN_FILMS if model_error is None else replace(BETWEEN_FILMS, amplitude=model_error),
+        "prior": Prior(thickness=usual),
+    }
     chunks = identify_chunks(
         task.spectra,
         task.wavelengths,
@@ -101,16 +129,26 @@ def identify(
         grounds=task.grounds,
         names=task.names,
         instrument=instrument,
-        noise=Noise(noise, noise_share),
-        discrepancy=Discrepancy() if model_error is None else Discrepancy(amplitude=model_error),
-        prior=Prior(thickness=usual),
+        **settings,
         max_paints=max_paints,
         layers=layers,
-        keep=max(top, 5),
+        keep=max(top, 5 if report is None else _KEPT),
     )
+    filing = None
+    if report is not None:
+        from .filing import Filing
+
+        filing = Filing(
+            paints, instrument, discrepancy=settings["discrepancy"], prior=settings["prior"], max_paints=max_paints
+        )
+        chunks = filing.watch(chunks)
     parts, how = progress.collect(chunks, len(task.spectra), "compiling, then searching", "searching")
     found = Identification.join(parts)
     _report(found, console, top, csv, residuals, out, overwrite)
+    if filing is not None and report is not None:
+        about = _about(typed, task, instrument, settings, paints, inputs)
+        beside = filing.write(found, about, report, top, overwrite=overwrite)
+        console.print(f"Wrote the report to {report}, and the same as {beside[0]} and {beside[1]}")
     words = f"{len(found)} spectra" if len(found) > 1 else "1 spectrum"
     console.print(f"[dim]{words} against {len(paints)} paints in {how.seconds:.1f} s, compilation included.[/dim]")
     if how.interrupted:
@@ -118,12 +156,35 @@ def identify(
 
 
 class _Spectra(NamedTuple):
-    """What is to be identified."""
+    """What is to be identified; what the grounds are, in words; and what the readers noticed."""
 
     names: tuple[str, ...]
     wavelengths: "np.ndarray"
     spectra: "np.ndarray"
     grounds: "np.ndarray | float | None"
+    words: tuple[str, ...]
+    notes: tuple[str, ...]
+
+
+def _ground_file(ground: str | None) -> Path | None:
+    """The file of ``--ground``, if it is one."""
+    from glazejax.io.sample import split_sample
+
+    path = None if ground is None else split_sample(ground)[0]
+    return path if path is not None and path.is_file() else None
+
+
+def _report_files(report: Path | None) -> dict[str, Path | None]:
+    """Files of ``--report`` by what they are called in errors."""
+    if report is None:
+        return {}
+    from glazejax.extras import require
+
+    from .page import beside
+
+    table, data = beside(report)
+    require("matplotlib")
+    return {"--report": report, "the table of --report": table, "the JSON of --report": data}
 
 
 def _check_numbers(max_paints: int, layers: int, top: int) -> None:
@@ -163,11 +224,12 @@ def _read(
         films = films.select(wanted) if wanted else films
         cards = np.stack([films.bare_black, films.bare_white], axis=1)
         spectra = np.stack([films.over_black, films.over_white], axis=1)
-        return _Spectra(films.names, films.wavelengths, spectra, inside(cards))
+        words = ("black card, measured bare", "white card, measured bare")
+        return _Spectra(films.names, films.wavelengths, spectra, inside(cards), words, tuple(table.notes))
     rows = options.choose_rows(file, table.names, wanted)
     spectra, names = table.reflectance[rows], tuple(table.names[i] for i in rows)
     if opaque:
-        return _Spectra(names, table.wavelengths, spectra, None)
+        return _Spectra(names, table.wavelengths, spectra, None, ("a ground that is not seen",), tuple(table.notes))
     if ground is None:
         raise ValueError(
             f"{file}: what is under the paint? Give --ground, its reflectance such as 0.9 or a table, or --opaque; or "
@@ -176,7 +238,63 @@ def _read(
     given = options.read_ground(ground, bare=bare)
     progress.print_notes(console, "--ground", given.notes)
     below = np.broadcast_to(given.on(table.wavelengths), table.wavelengths.shape)
-    return _Spectra(names, table.wavelengths, spectra, inside(below) if bare else below)
+    words = f"{given.words}, {'measured bare with the same instrument' if bare else 'as seen from inside the paint'}"
+    notes = (*table.notes, *given.notes)
+    return _Spectra(names, table.wavelengths, spectra, inside(below) if bare else below, (words,), notes)
+
+
+def _about(
+    typed: Mapping[str, Any],
+    task: _Spectra,
+    instrument: "Instrument",
+    settings: Mapping[str, Any],
+    paints: "Sequence[Pigment]",
+    inputs: list[dict[str, Any]],
+) -> "About":
+    """How an identification was made, for its report."""
+    from dataclasses import asdict
+
+    from glazejax import catalogue
+
+    from .record import About
+
+    name, own = typed["catalogue"], typed["pigments"]
+    shelf: dict[str, Any] = {"name": str(own or name), "scale": catalogue.assumed_scale(paints[0])}
+    if own is None:
+        shelf["file"], shelf["sha256"] = catalogue.checksum(name)
+    return About(
+        title=typed["file"].name,
+        command=_command(typed),
+        options={_option(name): _plain(value) for name, value in typed.items()},
+        inputs=inputs,
+        catalogue={**shelf, "provenance": "; ".join(dict.fromkeys(p.provenance for p in paints if p.provenance))},
+        geometry=instrument.geometry.describe(),
+        refractive_index=instrument.refractive_index,
+        grounds=task.words,
+        notes=task.notes,
+        max_paints=typed["max_paints"],
+        layers=typed["layers"],
+        settings={name: asdict(each) for name, each in settings.items()},
+        asked=task.names,
+    )
+
+
+def _command(typed: Mapping[str, Any]) -> str:
+    """The command line, with the options that differ from what they are by default."""
+    usual = inspect.signature(identify).parameters
+    words = ["glazejax", "identify", str(typed["file"])]
+    for name, value in typed.items():
+        if name != "file" and value != usual[name].default:
+            words += [_option(name), *([] if value is True else [str(value)])]
+    return shlex.join(words)
+
+
+def _option(name: str) -> str:
+    return "FILE" if name == "file" else f"--{name.replace('_', '-')}"
+
+
+def _plain(value: Any) -> Any:
+    return str(value) if isinstance(value, Path) else value
 
 
 def _report(

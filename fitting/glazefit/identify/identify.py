@@ -7,7 +7,6 @@ keeps far more than ever come near the best.
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import jax.numpy as jnp
 import numpy as np
@@ -15,7 +14,6 @@ from jaxtyping import ArrayLike, Bool, Float
 
 from glazejax import Hemispherical, Pigment
 from glazejax.geometry import Geometry, resolve_instrument
-from glazejax.paint.media import MAX_THICKNESS
 
 from ..film.errors import (
     BETWEEN_FILMS,
@@ -30,7 +28,7 @@ from ..film.response import film_response
 from .result import Identification
 from .screen import Paints
 from .search import CHUNK, first_starts, search_chunk
-from .task import IdentificationTask, check_pigments, check_spectra
+from .task import IdentificationTask, check_pigments, check_spectra, hiding
 from .untold import search_untold
 from .weigh import weigh
 
@@ -38,8 +36,6 @@ from .weigh import weigh
 _LOOKED_AT = 40
 # Delta E00 for a residual's root mean square of 1, in the middle of the films that were left out.
 _COLOUR_OF_RMSE = 130.0
-# Scattering optical thickness of a film that hides its ground.
-_OPAQUE = 200.0
 
 
 def identify_chunks(
@@ -93,7 +89,7 @@ def identify_chunks(
     known = check_pigments(pigments, measured.wavelengths)
 
     def task(opaque: bool) -> IdentificationTask:
-        expected = _opaque(prior, known) if opaque else prior
+        expected = hiding(prior, known) if opaque else prior
         return IdentificationTask(
             film_response(instrument.geometry, instrument.refractive_index),
             _paints(known, expected.thickness),
@@ -179,12 +175,6 @@ def hardly_seen(pigments: Sequence[Pigment], thickness: float) -> Bool[np.ndarra
     """Which paints are extenders: a film of this thickness (m) lets most light through at every wavelength."""
     depth = [[float(np.max(np.asarray(values))) for values in (p.absorption, p.scattering)] for p in pigments]
     return thickness * np.sum(depth, axis=1) < 1.0
-
-
-def _opaque(prior: Prior, pigments: Sequence[Pigment]) -> Prior:
-    """A film so thick that its ground does not matter: the thickness is set, not sought."""
-    typical = np.median([np.median(np.asarray(p.scattering)) for p in pigments])
-    return replace(prior, thickness=min(_OPAQUE / max(float(typical), 1.0), MAX_THICKNESS), spread=0.05)
 
 
 def ground_from_air(

@@ -78,21 +78,22 @@ def _table(found: Identification, row: int, top: int) -> Table:
     thickness = [] if found.opaque else ["thickness"]
     table = plain_table("paints", "probability", *thickness, "RMSE", "angle", "ΔE00", title=found.measured.names[row])
     for candidate in found.ranked(row, top):
-        cells = [_chance(candidate.probability)]
+        cells = [chance(candidate.probability)]
         if not found.opaque:
-            cells.append(f"{_length(candidate.thickness)} ± {_length(candidate.thickness_sd)} µm")
+            cells.append(f"{micrometres(candidate.thickness)} ± {micrometres(candidate.thickness_sd)} µm")
         colour = "-" if np.isnan(candidate.delta_e) else f"{candidate.delta_e:.2f}"
         table.add_row(candidate.words, *cells, f"{candidate.rmse:.4f}", f"{candidate.angle:.2f}°", colour)
     return table
 
 
-def _length(metres: float) -> str:
+def micrometres(metres: float) -> str:
     """Micrometres, without a power of ten."""
     value = metres * 1e6
     return f"{value:.0f}" if value >= 9.5 else f"{value:.1f}" if value >= 0.95 else f"{value:.2f}"
 
 
-def _chance(probability: float) -> str:
+def chance(probability: float) -> str:
+    """A probability in words."""
     return f"{probability:.1%}" if probability >= 0.001 else "< 0.1%"
 
 

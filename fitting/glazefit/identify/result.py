@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float, Int
+from scipy.special import expit
 
 from glazejax.catalogue import family
 
@@ -14,6 +15,9 @@ from .task import Measured
 
 NOBODY = -1
 """Stands where a candidate has fewer than three paints."""
+
+# Standard deviations from the middle of a Gaussian to the ends of its central 90 %.
+_NINETY = np.array([-1.6448536269514722, 1.6448536269514722])
 
 
 @dataclass(frozen=True)
@@ -25,7 +29,11 @@ class Candidate:
         fractions: by mass, of all paint in the film; sum 1.
         fractions_sd: standard deviations.
         coats: coat of each paint, 0 the uppermost.
+        fractions_90: their 90 % intervals, (paints, 2).
+        amounts, amounts_90: thickness times fraction of each paint, m, and their 90 % intervals, (paints, 2); NaN for
+            films that hide their ground.
         thickness, thickness_sd: m, of all coats; NaN for films that hide their ground.
+        thickness_90: its 90 % interval, (2,).
         probability: posterior.
         condition: how the film lies if not as told, such as "under a yellowed varnish"; empty if as told.
         gloss: share of the surface's reflection in the readings.
@@ -38,9 +46,13 @@ class Candidate:
     paints: tuple[str, ...]
     fractions: Float[np.ndarray, "paints"]
     fractions_sd: Float[np.ndarray, "paints"]
+    fractions_90: Float[np.ndarray, "paints 2"]
+    amounts: Float[np.ndarray, "paints"]
+    amounts_90: Float[np.ndarray, "paints 2"]
     coats: tuple[int, ...]
     thickness: float
     thickness_sd: float
+    thickness_90: Float[np.ndarray, "2"]
     probability: float
     condition: str
     gloss: float
@@ -175,10 +187,48 @@ class Identification:
         """
         return (self.none < 0.5) & ~self.rejected[:, 0]
 
+    @property
+    def two_coats(self) -> Float[np.ndarray, "spectra"]:
+        """Probability that the film has two coats, over the candidates kept; 0 where one coat alone was tried."""
+        return np.where((self.coats > 0).any(axis=-1), self.probability, 0.0).sum(axis=1)
+
     @cached_property
     def fractions(self) -> Float[np.ndarray, "spectra candidates 3"]:
         """By mass, of all paint in the film."""
         return self.amounts / self.amounts.sum(axis=-1, keepdims=True)
+
+    @cached_property
+    def _log_sd(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Standard deviations of the logs of amounts, of fractions and of the thickness."""
+        share, covariance = self.fractions, self.log_covariance
+        # d log f = d u - sum f d u, and d log thickness = sum f d u.
+        slope = np.eye(3) - share[..., None, :]
+        fractions = np.einsum("scij,scjk,scik->sci", slope, covariance, slope)
+        thickness = np.einsum("sci,scij,scj->sc", share, covariance, share)
+        parts = np.diagonal(covariance, axis1=-2, axis2=-1), fractions, thickness
+        amounts, fractions, thickness = (np.sqrt(np.maximum(part, 0.0)) for part in parts)
+        return amounts, fractions, thickness
+
+    @cached_property
+    def amounts_90(self) -> Float[np.ndarray, "spectra candidates 3 2"]:
+        """90 % intervals of the amounts if the film is of these paints, m: log-normal."""
+        return self.amounts[..., None] * np.exp(self._log_sd[0][..., None] * _NINETY)
+
+    @cached_property
+    def thickness_90(self) -> Float[np.ndarray, "spectra candidates 2"]:
+        """90 % intervals of the thickness if the film is of these paints, m: log-normal."""
+        return self.amounts.sum(axis=-1)[..., None] * np.exp(self._log_sd[2][..., None] * _NINETY)
+
+    @cached_property
+    def fractions_90(self) -> Float[np.ndarray, "spectra candidates 3 2"]:
+        """90 % intervals of the fractions if the film is of these paints: Gaussian in the log odds, inside [0, 1]."""
+        share = self.fractions
+        inside = (share > 0) & (share < 1)
+        safe = np.where(inside, share, 0.5)
+        # d log odds = d log f / (1 - f).
+        moved = (self._log_sd[1] / (1.0 - safe))[..., None] * _NINETY
+        ends = expit(np.log(safe / (1.0 - safe))[..., None] + moved)
+        return np.where(inside[..., None], ends, share[..., None])
 
     @cached_property
     def residual(self) -> Float[np.ndarray, "spectra candidates grounds bands"]:
@@ -218,18 +268,22 @@ class Identification:
             here = np.flatnonzero(self.members[row, n] != NOBODY)
             order = here[np.lexsort((-fractions[row, n, here], self.coats[row, n, here]))]
             share, total = fractions[row, n], float(self.amounts[row, n].sum())
-            # d log f = d u - sum f d u.
-            slope = np.eye(3) - share
-            spread = np.sqrt(np.einsum("ij,jk,ik->i", slope, self.log_covariance[row, n], slope)) * share
-            thickness_sd = total * float(np.sqrt(share @ self.log_covariance[row, n] @ share))
+            spread = self._log_sd[1][row, n] * share
+            thickness_sd = total * float(self._log_sd[2][row, n])
+            # The ground of a film that hides it says nothing on lengths.
+            length = np.nan if hidden else 1.0
             out.append(
                 Candidate(
                     paints=tuple(self.paints[i] for i in self.members[row, n, order]),
                     fractions=share[order],
                     fractions_sd=np.minimum(spread[order], 0.3),
+                    fractions_90=self.fractions_90[row, n, order],
+                    amounts=self.amounts[row, n, order] * length,
+                    amounts_90=self.amounts_90[row, n, order] * length,
                     coats=tuple(self.coats[row, n, order].tolist()),
-                    thickness=float("nan") if hidden else total,
-                    thickness_sd=float("nan") if hidden else thickness_sd,
+                    thickness=total * length,
+                    thickness_sd=thickness_sd * length,
+                    thickness_90=self.thickness_90[row, n] * length,
                     probability=float(self.probability[row, n]),
                     condition=condition.words,
                     gloss=float(self.gloss[row, n]),

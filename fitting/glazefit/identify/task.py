@@ -1,13 +1,14 @@
 """What `identify` is given, checked and brought to one shape, and what the search for all spectra shares."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import ArrayLike, Bool, Float, Int
 
 from glazejax import Pigment
+from glazejax.paint.media import MAX_THICKNESS
 from glazejax.spectra import validate_wavelengths
 
 from ..film.errors import Discrepancy, Prior, model_covariance, noise_covariance, roughness, whitening
@@ -21,6 +22,9 @@ _TOO_BRIGHT = 1.5
 
 # Of the errors that rank sets of paints before each is fitted.
 TYPICAL_READING = 0.3
+
+_OPAQUE = 200.0
+"""Scattering optical thickness of a film that hides its ground."""
 
 UNSEEN_GROUND = 0.5
 """Ground under films that hide it."""
@@ -136,6 +140,12 @@ def check_pigments(pigments: Sequence[Pigment], wavelengths: Float[np.ndarray, "
         return [pigment.resample(wavelengths) for pigment in known]
     except ValueError as error:
         raise ValueError(f"the catalogue does not cover the spectra: {error}") from None
+
+
+def hiding(prior: Prior, pigments: Sequence[Pigment]) -> Prior:
+    """Of films so thick that their ground does not matter: the thickness is set, not sought."""
+    typical = np.median([np.median(np.asarray(p.scattering)) for p in pigments])
+    return replace(prior, thickness=min(_OPAQUE / max(float(typical), 1.0), MAX_THICKNESS), spread=0.05)
 
 
 class IdentificationTask(NamedTuple):

@@ -10,6 +10,7 @@ Where k and s could not be told apart, `Pigment.identifiable` is False and only 
 """
 
 import difflib
+import hashlib
 from collections.abc import Iterator, Mapping
 from importlib.resources import as_file, files
 from typing import NamedTuple
@@ -123,9 +124,7 @@ def load(name: str = "oils") -> Catalogue:
     Raises:
         ValueError: there is no catalogue of that name; the message lists them.
     """
-    if name not in _SHIPPED:
-        raise ValueError(f"there is no catalogue {name!r}; choose from {', '.join(_SHIPPED)}")
-    shipped = _SHIPPED[name]
+    shipped = _known(name)
     with as_file(files(__name__).joinpath(shipped.file)) as path:
         return Catalogue(read_pigments(path, shipped.provenance))
 
@@ -146,6 +145,22 @@ def pigment(name: str, catalogue: str = "oils") -> Pigment:
 def family(name: str) -> str:
     """The pigment of a paint of the catalogues, medium and maker aside; any other name is its own family."""
     return _FAMILIES.get(name, name)
+
+
+def checksum(name: str = "oils") -> tuple[str, str]:
+    """File of a catalogue and the SHA-256 of its content, as ``sha256sum`` prints it.
+
+    Raises:
+        ValueError: there is no catalogue of that name; the message lists them.
+    """
+    shipped = _known(name)
+    return shipped.file, hashlib.sha256(files(__name__).joinpath(shipped.file).read_bytes()).hexdigest()
+
+
+def _known(name: str) -> _Shipped:
+    if name not in _SHIPPED:
+        raise ValueError(f"there is no catalogue {name!r}; choose from {', '.join(_SHIPPED)}")
+    return _SHIPPED[name]
 
 
 def assumed_scale(paint: Pigment) -> str | None:

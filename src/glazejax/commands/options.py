@@ -335,16 +335,23 @@ def choose_rows(file: Path, names: Sequence[str], wanted: Sequence[str], argumen
     return [names.index(name) for name in wanted] or list(range(len(names)))
 
 
-def check_outputs(files: Mapping[str, Path | None], overwrite: bool, *, pictures: Sequence[str] = ("--out",)) -> None:
+def check_outputs(
+    files: Mapping[str, Path | None],
+    overwrite: bool,
+    *,
+    pictures: Sequence[str] = ("--out",),
+    inputs: Sequence[Path | None] = (),
+) -> None:
     """Refuse what could not be written in the end, before anything is computed.
 
     Args:
         files: option -> file; None where none is written.
         overwrite: whether files that exist may be replaced.
         pictures: options that name pictures.
+        inputs: files that are read, which no result may replace.
 
     Raises:
-        ValueError: a picture's ending, or two options that name the same file.
+        ValueError: a picture's ending, two options that name the same file, or a file that is read.
         FileExistsError, FileNotFoundError, IsADirectoryError: see `glazejax.io.outputs.check_output`.
         ModuleNotFoundError: a picture is wanted, and matplotlib is not installed.
     """
@@ -353,12 +360,15 @@ def check_outputs(files: Mapping[str, Path | None], overwrite: bool, *, pictures
     from ..plots import check_picture
 
     taken: dict[Path, str] = {}
+    read = {path.resolve() for path in inputs if path is not None}
     for option, path in files.items():
         if path is None:
             continue
         same = taken.setdefault(path.resolve(), option)
         if same != option:
             raise ValueError(f"{option} and {same} are both {path}, the same file: give them different names")
+        if path.resolve() in read:
+            raise ValueError(f"{option} is {path}, a file that is read: give the result another name")
         if option in pictures:
             require("matplotlib")
             check_picture(path, overwrite=overwrite)

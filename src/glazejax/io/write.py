@@ -35,14 +35,27 @@ def write_table(
         ValueError: a row has another number of cells than the header.
     """
     path = check_output(path, overwrite=overwrite)
+    try:
+        content = table_bytes(header, rows, delimiter="\t" if path.suffix.lower() == ".tsv" else ",")
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    path.write_bytes(content)
+
+
+def table_bytes(header: Sequence[str], rows: Iterable[Sequence[object]], *, delimiter: str = ",") -> bytes:
+    """A table as `write_table` writes it.
+
+    Raises:
+        ValueError: a row has another number of cells than the header.
+    """
     text = io.StringIO()
-    writer = csv.writer(text, delimiter="\t" if path.suffix.lower() == ".tsv" else ",", lineterminator="\n")
+    writer = csv.writer(text, delimiter=delimiter, lineterminator="\n")
     writer.writerow(header)
     for number, row in enumerate(rows, start=1):
         if len(row) != len(header):
-            raise ValueError(f"{path}: row {number} has {len(row)} cells where the header has {len(header)}")
+            raise ValueError(f"row {number} has {len(row)} cells where the header has {len(header)}")
         writer.writerow([_plain(cell) for cell in row])
-    path.write_text(text.getvalue(), encoding="utf-8")
+    return text.getvalue().encode("utf-8")
 
 
 def _plain(cell: object) -> object:
@@ -116,7 +129,7 @@ def write_spectra(
         header, numbers, said = format_envi(table)
         notes += said
         files = {path.with_suffix(".sli"): numbers, path.with_suffix(".hdr"): [header.encode()]}
-    _write_files(files, overwrite)
+    write_files(files, overwrite=overwrite)
     return notes
 
 
@@ -137,8 +150,16 @@ def _check(table: SpectraTable, path: Path) -> None:
     )
 
 
-def _write_files(files: Mapping[Path, Iterable[bytes]], overwrite: bool) -> None:
-    """Write all files or, if one may not be written, none; a file is there whole or not at all."""
+def write_files(files: Mapping[Path, Iterable[bytes]], *, overwrite: bool = False) -> None:
+    """Write all files or, if one may not be written, none; a file is there whole or not at all.
+
+    Args:
+        files: content of each, in pieces.
+        overwrite: whether files that exist may be replaced.
+
+    Raises:
+        FileExistsError, FileNotFoundError, IsADirectoryError: see `glazejax.io.outputs.check_output`.
+    """
     for path in files:
         check_output(path, overwrite=overwrite)
     for path, pieces in files.items():

@@ -1,0 +1,115 @@
+"""Where readings of a film may lie about an explanation of it: what the stated errors leave when amounts are fitted.
+
+Noise, the model's own error and errors of the paints' k and s make a covariance of the readings; a fit of the amounts
+and of the surface's share takes part of that away. What is left is how far measured and fitted spectra differ where an
+explanation is right and the errors are as stated.
+"""
+
+from collections.abc import Sequence
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float
+from scipy.stats import norm, t
+
+from glazejax import Pigment
+
+from ..film.errors import (
+    Discrepancy,
+    Prior,
+    coefficient_covariance,
+    error_modes,
+    model_covariance,
+    modes_covariance,
+    relative_errors,
+)
+from ..film.films import Instrument
+from ..film.optics import Optics
+from ..film.response import film_response
+from .fit import coat_slopes
+from .result import NOBODY, Identification
+from .screen import Paints
+from .search import CHUNK
+from .task import check_pigments
+from .two_coats import stack_slopes
+
+# Weight of what is expected of a log amount, and the spread of a total that is set.
+_LOOSE, _SET = 0.1, 0.05
+
+
+def expected_bands(
+    found: Identification,
+    pigments: Sequence[Pigment],
+    instrument: Instrument,
+    *,
+    prior: Prior,
+    discrepancy: Discrepancy,
+    count: int = 3,
+) -> Float[np.ndarray, "spectra candidates grounds bands"]:
+    """Half the width of the 90 % band of the readings about the most probable explanations, (spectra, count, ...).
+
+    Args:
+        found: identification of the spectra.
+        pigments: its catalogue.
+        instrument: that read the spectra.
+        prior: its usual thickness is the unit of amounts, its spread holds amounts that nothing determines.
+        discrepancy: errors of the model; where a whole spectrum's misfit follows Student's t, the band is its.
+        count: explanations; fewer if there are fewer.
+    """
+    measured, d = found.measured, discrepancy
+    known = check_pigments(pigments, measured.wavelengths)
+    count = min(count, found.members.shape[1])
+    members, readings = found.members[:, :count], measured.readings.reshape(len(found), 1, -1)
+    slopes = _slopes(found, known, instrument, prior, count)
+    at = np.maximum(members, 0)
+    own = relative_errors(known, d)
+    known_errors = np.concatenate([own[at, 0], own[at, 1]], axis=-2)
+    off = d.amplitude + d.share * readings
+    scaled = model_covariance(measured.wavelengths, measured.readings.shape[1], d, off)
+    scaled = scaled + coefficient_covariance(slopes, known_errors, measured.wavelengths, d)
+    modes = error_modes(known, d)
+    if modes.shape[-1]:
+        scaled = scaled + modes_covariance(slopes, np.concatenate([modes[at, 0], modes[at, 1]], axis=-3))
+    scale = min(d.scales, key=lambda scale: abs(np.log(scale)))
+    noise = measured.noise_sd.reshape(readings.shape) ** 2
+    covariance = scale**2 * scaled + noise[..., None] * np.eye(noise.shape[-1])
+    # By log amounts: k and s of a paint grow together. The surface's share is an unknown too.
+    size = members.shape[-1]
+    moved = np.where((members == NOBODY)[..., None], 0.0, slopes[..., :size, :] + slopes[..., size:, :])
+    surface = np.full((*moved.shape[:2], 1, moved.shape[-1]), instrument.seen_surface)
+    lever = np.concatenate([moved, surface], axis=-2)
+    # What is expected of the total, next to nothing of the fractions, and what of the surface.
+    share = np.concatenate([found.fractions[:, :count], np.zeros((*members.shape[:2], 1))], axis=-1)
+    spread = _SET if found.opaque else prior.spread
+    held = share[..., :, None] * share[..., None, :] / spread**2
+    held = held + np.diag([_LOOSE] * size + [1.0 / max(d.gloss_sd, 1e-6) ** 2])
+    solved = np.linalg.solve(covariance, np.swapaxes(lever, -1, -2))
+    fitted = np.swapaxes(lever, -1, -2) @ np.linalg.solve(lever @ solved + held, lever)
+    left = np.diagonal(covariance, axis1=-2, axis2=-1) - np.diagonal(fitted, axis1=-2, axis2=-1)
+    ends = norm.ppf(0.95) if d.freedom is None else t.ppf(0.95, d.freedom)
+    return (float(ends) * np.sqrt(np.maximum(left, 0.0))).reshape(*members.shape[:2], *measured.readings.shape[1:])
+
+
+def _slopes(
+    found: Identification, known: list[Pigment], instrument: Instrument, prior: Prior, count: int
+) -> Float[np.ndarray, "spectra candidates errors readings"]:
+    """Slopes of the readings by the log of k, then of s, of the paints of the most probable explanations."""
+    k, s = (np.stack([np.asarray(getattr(p, what)) for p in known]) for what in ("absorption", "scattering"))
+    paints = Paints(jnp.asarray(k * prior.thickness), jnp.asarray(s * prior.thickness))
+    # Few sizes, so that little is compiled.
+    rows = np.arange(len(found))
+    padded = np.resize(rows, CHUNK) if 1 < len(rows) < CHUNK else rows
+    with np.errstate(divide="ignore"):
+        logs = np.log(found.amounts[padded, :count] / prior.thickness)
+    sets, coats = (a[padded, :count] for a in (found.members, found.coats))
+    films = paints, jnp.asarray(sets)
+    ground, jlogs = jnp.asarray(found.measured.grounds[padded]), jnp.asarray(logs)
+    response = film_response(instrument.geometry, instrument.refractive_index)
+    slopes: np.ndarray | jax.Array = coat_slopes(response, *films, jlogs, ground)
+    if (coats > 0).any():
+        optics = Optics.of(instrument.geometry, instrument.refractive_index)
+        stacks = stack_slopes(*films, jnp.asarray(coats), jlogs, ground, optics)
+        stacked = np.any(coats > 0, axis=-1, keepdims=True)
+        slopes = np.where(np.asarray(stacked)[..., None], stacks, slopes)
+    return np.asarray(slopes)[: len(found)]

@@ -1,0 +1,57 @@
+"""A report in the making: looks closer at what an identification finishes, and files it in the end."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+
+from glazejax import Pigment
+
+from ..film.errors import Discrepancy, Prior
+from ..film.films import Instrument
+from .bands import expected_bands
+from .contenders import Contenders, find_contenders
+from .page import write_page
+from .page_figures import FITS
+from .record import About, make_record
+from .result import Identification
+
+
+class Filing:
+    """What a report needs beside the identification itself.
+
+    Args:
+        pigments: the catalogue.
+        instrument, discrepancy, prior, max_paints: of the identification.
+    """
+
+    def __init__(
+        self,
+        pigments: Sequence[Pigment],
+        instrument: Instrument,
+        *,
+        discrepancy: Discrepancy,
+        prior: Prior,
+        max_paints: int,
+    ):
+        self._pigments, self._instrument = pigments, instrument
+        self._discrepancy, self._prior, self._max_paints = discrepancy, prior, max_paints
+        self._parts: list[tuple[Contenders, np.ndarray]] = []
+
+    def watch(self, chunks: Iterable[Identification]) -> Iterator[Identification]:
+        """The parts of an identification, each looked at before it is passed on."""
+        given = self._pigments, self._instrument
+        for part in chunks:
+            errors = {"prior": self._prior, "discrepancy": self._discrepancy}
+            contenders = find_contenders(part, *given, **errors, max_paints=self._max_paints)
+            self._parts.append((contenders, expected_bands(part, *given, **errors, count=FITS)))
+            yield part
+
+    def write(
+        self, found: Identification, about: About, path: Path, top: int, *, overwrite: bool = False
+    ) -> tuple[Path, Path]:
+        """Write the page of the parts that were passed on; see `glazefit.identify.page.write_page`."""
+        # An interrupt may have come after a part was looked at and before it was taken.
+        contenders = Contenders.join([part for part, _ in self._parts]).take(len(found))
+        bands = np.concatenate([part for _, part in self._parts])[: len(found)]
+        return write_page(make_record(found, contenders, bands, about, top), path, overwrite=overwrite)

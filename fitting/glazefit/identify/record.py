@@ -1,0 +1,260 @@
+"""All that is filed of an identification, in plain numbers and words, for the page, the table and the JSON alike."""
+
+import hashlib
+import platform
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from glazejax.colour import srgb
+from glazejax.plots import hex_colour
+from glazejax.spectra import describe_grid
+
+from .contenders import LEAST_SHARE, Contenders
+from .report import doubtful
+from .result import Candidate, Identification
+from .ruled_out import IMPROBABLE, ruled_out
+
+SCHEMA = {"name": "glazejax identify report", "version": 1}
+_PACKAGES = ("glazejax", "jax", "jaxlib", "numpy", "scipy", "colour-science")
+_ENVI = ("", ".hdr", ".sli", ".img", ".dat", ".raw", ".bsq", ".bil", ".bip")
+_PIECE = 1 << 20
+# Digits of spectra in the JSON.
+_DIGITS = 6
+
+
+@dataclass(frozen=True)
+class About:
+    """How an identification was made, for the record.
+
+    Attributes:
+        title: what was identified, such as the file's name.
+        command: the command line.
+        options: all options and their values.
+        inputs: files that were read, as `input_files` gives them.
+        catalogue: name, file, checksum and provenance of the paints, and what is assumed of lengths.
+        geometry: of the instrument, in words.
+        refractive_index: of the paint.
+        grounds: what is under the paint, a name for each ground.
+        notes: what the readers of the files noticed.
+        max_paints, layers: what was tried.
+        settings: of noise, model errors and prior, by name.
+        asked: names of all spectra, also of those that an interrupt left out.
+        created: when.
+    """
+
+    title: str
+    command: str
+    options: Mapping[str, Any]
+    inputs: Sequence[Mapping[str, Any]]
+    catalogue: Mapping[str, Any]
+    geometry: str
+    refractive_index: float
+    grounds: Sequence[str]
+    notes: Sequence[str]
+    max_paints: int
+    layers: int
+    settings: Mapping[str, Any]
+    asked: Sequence[str]
+    created: datetime = field(default_factory=lambda: datetime.now().astimezone())
+
+
+def input_files(files: Mapping[str, Path | None]) -> list[dict[str, Any]]:
+    """Name, size and SHA-256 of files, and of the second half of an ENVI pair; a pipe can be read once and has none.
+
+    Args:
+        files: what each was given as -> path; None where there is none.
+    """
+    out = []
+    for role, path in files.items():
+        for each in [] if path is None else _with_its_pair(path):
+            size, checksum = _checksum(each)
+            out.append({"role": role, "name": str(each), "bytes": size, "sha256": checksum})
+    return out
+
+
+def _with_its_pair(path: Path) -> list[Path]:
+    if path.suffix.lower() not in _ENVI[1:]:
+        return [path]
+    beside = (path.with_suffix(end) for word in _ENVI for end in {word, word.upper()})
+    others = [other for other in beside if other != path and other.is_file()]
+    pair = path.suffix.lower() == ".hdr" or any(other.suffix.lower() == ".hdr" for other in others)
+    return [path, *sorted(others)] if pair else [path]
+
+
+def _checksum(path: Path) -> tuple[int | None, str | None]:
+    if not path.is_file():
+        return None, None
+    total, size = hashlib.sha256(), 0
+    with path.open("rb") as file:
+        while piece := file.read(_PIECE):
+            total.update(piece)
+            size += len(piece)
+    return size, total.hexdigest()
+
+
+def make_record(
+    found: Identification,
+    contenders: Contenders,
+    bands: Float[np.ndarray, "spectra explanations grounds bands"],
+    about: About,
+    top: int,
+) -> dict[str, Any]:
+    """All that is filed, as JSON has it.
+
+    Args:
+        found: identification.
+        contenders: the nearest film with each paint.
+        bands: half the widths of 90 % bands about the first explanations.
+        about: how it was made.
+        top: explanations of each spectrum.
+    """
+    done = set(found.measured.names)
+    left = [name for name in about.asked if name not in done]
+    return {
+        "schema": SCHEMA,
+        "title": about.title,
+        "created": about.created.isoformat(timespec="seconds"),
+        "complete": not left,
+        "not_done": left,
+        "versions": {**{name: version(name) for name in _PACKAGES}, "python": platform.python_version()},
+        "platform": platform.platform(terse=True),
+        "command": about.command,
+        "options": dict(about.options),
+        "inputs": [dict(each) for each in about.inputs],
+        "catalogue": {**about.catalogue, "paints": list(found.paints)},
+        "measurement": {
+            "geometry": about.geometry,
+            "refractive_index": about.refractive_index,
+            "grounds": list(about.grounds),
+            "notes": list(about.notes),
+            "opaque": found.opaque,
+            "grid": describe_grid(found.measured.wavelengths),
+            "wavelengths_nm": found.measured.wavelengths.tolist(),
+        },
+        "method": {"max_paints": about.max_paints, "layers": about.layers, "settings": dict(about.settings)},
+        "thresholds": {"ruled_out_below": IMPROBABLE, "least_share": LEAST_SHARE},
+        "spots": [_spot(found, contenders, bands, row, top) for row in range(len(found))],
+    }
+
+
+def _spot(found: Identification, contenders: Contenders, bands: np.ndarray, row: int, top: int) -> dict[str, Any]:
+    chances = found.paint_probability[row]
+    ranked = found.ranked(row, top)
+    explained = bool(found.explained[row])
+    return {
+        "id": f"spot-{row + 1}",
+        "name": found.measured.names[row],
+        "explained": explained,
+        "words": ranked[0].words if explained else found.unexplained(row),
+        "none_of_these": float(found.none[row]),
+        "two_coats": float(found.two_coats[row]),
+        "paint_probability": {found.paints[i]: float(chances[i]) for i in np.argsort(-chances, kind="stable")},
+        "not_settled": doubtful(found, row),
+        "colours": _colours(found, row),
+        "noise_sd": float(np.median(found.measured.noise_sd[row])),
+        "measured": _rounded(found.measured.readings[row]),
+        "explanations": [
+            _explanation(candidate, rank, bands[row, rank - 1] if rank <= bands.shape[1] else None)
+            for rank, candidate in enumerate(ranked, start=1)
+        ],
+        "ruled_out": [
+            {**paint._asdict(), "delta_e": _number(paint.delta_e)} for paint in ruled_out(found, contenders, row)
+        ],
+    }
+
+
+def _explanation(candidate: Candidate, rank: int, band: np.ndarray | None) -> dict[str, Any]:
+    micro = 1e6
+    return {
+        "rank": rank,
+        "words": candidate.words,
+        "probability": candidate.probability,
+        "thickness_um": _number(candidate.thickness * micro),
+        "thickness_90_um": _numbers(candidate.thickness_90 * micro),
+        "delta_e_2000": _number(candidate.delta_e),
+        "rmse": candidate.rmse,
+        "spectral_angle_deg": candidate.angle,
+        "gloss": candidate.gloss,
+        "paints": [
+            {
+                "name": name,
+                "coat": candidate.coats[n] + 1,
+                "fraction": float(candidate.fractions[n]),
+                "fraction_90": _numbers(candidate.fractions_90[n]),
+                "amount_um": _number(candidate.amounts[n] * micro),
+                "amount_90_um": _numbers(candidate.amounts_90[n] * micro),
+            }
+            for n, name in enumerate(candidate.paints)
+        ],
+        "fitted": _rounded(candidate.fitted),
+        "band_90": None if band is None else _rounded(band),
+    }
+
+
+def _colours(found: Identification, row: int) -> dict[str, list[str]] | None:
+    """Of the measured spectra and of the best fit over each ground, #rrggbb; None where the bands give no colour."""
+    seen = {"measured": found.measured.readings[row], "fitted": found.fitted[row, 0]}
+    try:
+        shades = {what: srgb(found.measured.wavelengths, spectra) for what, spectra in seen.items()}
+    except ValueError:
+        return None
+    return {what: [hex_colour(shade) for shade in np.asarray(each)] for what, each in shades.items()}
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def _numbers(values: np.ndarray) -> list[float] | None:
+    return [float(value) for value in values] if np.isfinite(values).all() else None
+
+
+def _rounded(spectra: np.ndarray) -> list:
+    return np.round(spectra, _DIGITS).tolist()
+
+
+COLUMNS = (
+    "spot",
+    "explained",
+    "none_of_these",
+    "rank",
+    "probability",
+    "explanation",
+    "delta_e_2000",
+    "rmse",
+    "thickness_um",
+    "thickness_low_um",
+    "thickness_high_um",
+    "coat",
+    "paint",
+    "fraction",
+    "fraction_low",
+    "fraction_high",
+    "amount_um",
+    "amount_low_um",
+    "amount_high_um",
+)
+"""Of the table beside a page: a line for each paint of each explanation; low and high end 90 % intervals."""
+
+
+def table_rows(record: Mapping[str, Any]) -> Iterator[list[object]]:
+    """Cells of `COLUMNS`; empty where there is no number."""
+
+    def cell(value: float | None) -> object:
+        return "" if value is None else value
+
+    for spot in record["spots"]:
+        for found in spot["explanations"]:
+            lead = [spot["name"], spot["explained"], spot["none_of_these"], found["rank"], found["probability"]]
+            lead += [found["words"], cell(found["delta_e_2000"]), found["rmse"], cell(found["thickness_um"])]
+            lead += found["thickness_90_um"] or ["", ""]
+            for paint in found["paints"]:
+                amounts = [cell(paint["amount_um"]), *(paint["amount_90_um"] or ["", ""])]
+                yield [*lead, paint["coat"], paint["name"], paint["fraction"], *paint["fraction_90"], *amounts]

@@ -1,0 +1,362 @@
+"""The report of an identification: page, table and JSON say what the result says, and nothing comes from elsewhere."""
+
+import csv
+import importlib
+import json
+import re
+from dataclasses import replace
+from datetime import UTC, datetime
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from glazefit.identify.contenders import Contenders
+from glazefit.identify.page import DRAWN, page, write_page
+from glazefit.identify.page_figures import draw_spectra
+from glazefit.identify.record import About, input_files, make_record, table_rows
+from glazefit.identify.result import NOBODY, Identification
+from glazefit.identify.ruled_out import ruled_out
+from glazefit.identify.task import Measured
+
+# `glazefit.identify` is the function too, so that the name alone does not lead there.
+MODULE = importlib.import_module("glazefit.identify.page_spot")
+GRID = np.arange(400.0, 701.0, 20.0)
+PAINTS = ("Red", "White", "Blue", "Chalk", "Black")
+EVIL = '<script>alert("1")</script> & co'
+ABOUT = About(
+    title="films.csv",
+    command="glazejax identify films.csv --report report.html",
+    options={"--top": 3, "--ground": None},
+    inputs=[{"role": "FILE", "name": "films.csv", "bytes": 12, "sha256": "ab" * 32}],
+    catalogue={"name": "own.csv", "provenance": EVIL, "scale": None},
+    geometry="an integrating sphere",
+    refractive_index=1.5,
+    grounds=("black card", "white card"),
+    notes=(),
+    max_paints=2,
+    layers=2,
+    settings={"noise": {"floor": 0.0005}},
+    asked=("one", EVIL),
+    created=datetime(2026, 3, 4, 5, 6, 7, tzinfo=UTC),
+)
+
+
+def identification(names=("one", EVIL), grid=GRID, opaque=False) -> Identification:
+    """Two candidates for each spectrum, one of them of two coats; spectra differ in one amount."""
+    count, rng = len(names), np.random.default_rng(3)
+    readings = np.broadcast_to(0.3 + 0.4 * (grid > 560), (count, 2, grid.size)) * np.array([0.8, 1.0])[:, None]
+    members = np.broadcast_to(np.array([[0, 1, NOBODY], [0, 2, NOBODY]]), (count, 2, 3))
+    amounts = np.broadcast_to(np.array([[2.0, 6.0, 0.0], [3.0, 3.0, 0.0]]) * 1e-6, (count, 2, 3)).copy()
+    amounts[:, 0, 0] += 1e-7 * np.arange(count)
+    root = 0.2 * rng.standard_normal((count, 2, 3, 5))
+    covariance = root @ np.swapaxes(root, -1, -2)
+    covariance[..., 2, :] = covariance[..., :, 2] = 0.0
+    return Identification(
+        measured=Measured(tuple(names), grid, readings, readings * 0 + 0.5, readings * 0 + 0.001),
+        paints=PAINTS,
+        members=members,
+        coats=np.broadcast_to(np.array([[0, 0, 0], [0, 1, 0]]), members.shape),
+        amounts=amounts,
+        log_covariance=covariance,
+        probability=np.broadcast_to([0.6, 0.3], (count, 2)),
+        none=np.full(count, 0.1),
+        paint_probability=np.broadcast_to([0.9, 0.6, 0.3, 0.004, 0.002], (count, 5)),
+        gloss=np.ones((count, 2)),
+        fitted=readings[:, None] + np.array([0.002, -0.004])[:, None, None],
+        opaque=opaque,
+    )
+
+
+def contenders(found: Identification) -> Contenders:
+    shape = len(found), len(PAINTS)
+    members = np.stack([np.arange(5), np.array([1, 0, 0, 0, 0]), np.full(5, NOBODY)], axis=-1)
+    return Contenders(
+        members=np.broadcast_to(members, (*shape, 3)),
+        coats=np.zeros((*shape, 3), int),
+        fractions=np.broadcast_to([0.3, 0.7, 0.0], (*shape, 3)),
+        thickness=np.full(shape, 2e-5),
+        rmse=np.broadcast_to([0.002, 0.002, 0.004, 0.002, 0.08], shape),
+        delta_e=np.broadcast_to([0.4, 0.4, 0.9, 0.5, 9.1], shape) + 0.0 * found.delta_e[:, :1],
+    )
+
+
+def record(found: Identification, about: About = ABOUT, top: int = 2) -> dict:
+    return make_record(found, contenders(found), np.full(found.fitted.shape, 0.01), about, top)
+
+
+class Parsed(HTMLParser):
+    """Ids, elements, attributes and texts of a page."""
+
+    def __init__(self, text: str):
+        super().__init__()
+        self.tags: list[tuple[str, dict[str, str | None]]] = []
+        self.open: list[str] = []
+        self.rows: list[list[str]] = []
+        self.spots: dict[str, list[list[str]]] = {}
+        self.words: dict[str, str] = {}
+        self.spot = ""
+        self.feed(text)
+        self.close()
+
+    def handle_starttag(self, tag, attrs):
+        given = dict(attrs)
+        self.tags.append((tag, given))
+        if tag not in ("meta", "br"):
+            self.open.append(tag)
+        if tag == "article":
+            self.spot = given["id"] or ""
+            self.spots[self.spot] = []
+        if tag == "tr":
+            self.rows.append([])
+            if self.spot:
+                self.spots[self.spot].append(self.rows[-1])
+        if tag in ("td", "th"):
+            self.rows[-1].append("")
+
+    def handle_startendtag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+        if tag == "article":
+            self.spot = ""
+
+    def handle_data(self, data):
+        self.words[self.spot] = self.words.get(self.spot, "") + data
+        if "tr" in self.open and {"td", "th"} & set(self.open):
+            self.rows[-1][-1] += data
+
+
+def parsed(filed: dict) -> Parsed:
+    return Parsed("".join(page(filed, "report.csv", "report.json")))
+
+
+def numbers(text: str) -> list[float]:
+    return [float(n) for n in re.findall(r"\d+(?:\.\d+)?", text)]
+
+
+def test_every_spot_has_its_place_and_the_numbers_of_the_result():
+    found = identification()
+    seen = parsed(record(found))
+    assert list(seen.spots) == ["spot-1", "spot-2"]
+    ids = [given["id"] for _, given in seen.tags if given.get("id")]
+    assert len(ids) == len(set(ids))
+    summary = [row for row in seen.rows if row[0] in ("one", EVIL)]
+    assert [row[0] for row in summary] == ["one", EVIL]
+    for row, spot in enumerate(seen.spots.values()):
+        for n, candidate in enumerate(found.ranked(row, 2)):
+            lead = next(cells for cells in spot if cells[0].startswith(f"{n + 1}: probability"))
+            shown = numbers(lead[0].replace("ΔE00", ""))[1:]
+            given = [100 * candidate.probability, 1e6 * candidate.thickness, *(1e6 * candidate.thickness_90)]
+            assert shown == pytest.approx([*given, candidate.delta_e, candidate.rmse], rel=0.06, abs=0.01)
+            following = spot[spot.index(lead) + 1 :][: len(candidate.paints)]
+            for i, (cells, paint) in enumerate(zip(following, candidate.paints, strict=True)):
+                coat = f" ({'upper' if candidate.coats[i] == 0 else 'lower'} coat)" if n == 1 else ""
+                assert cells[0] == paint + coat
+                assert numbers(cells[1]) == pytest.approx(
+                    [100 * candidate.fractions[i], *(100 * candidate.fractions_90[i])], rel=0.06
+                )
+                assert numbers(cells[2]) == pytest.approx(
+                    [1e6 * candidate.amounts[i], *(1e6 * candidate.amounts_90[i])], rel=0.06
+                )
+
+
+def test_the_table_and_the_json_hold_the_numbers_exactly(tmp_path):
+    found = identification()
+    table, data = write_page(record(found), tmp_path / "report.html")
+    assert (table.name, data.name) == ("report.csv", "report.json")
+    filed = json.loads(data.read_text())
+    assert filed == record(found)
+    lines = list(csv.DictReader(table.open(encoding="utf-8")))
+    assert len(lines) == 2 * 2 * 2
+    assert [[str(cell) for cell in row] for row in table_rows(filed)] == [list(line.values()) for line in lines]
+    best = found.ranked(1, 1)[0]
+    line = next(line for line in lines if line["spot"] == EVIL and line["rank"] == "1" and line["paint"] == "White")
+    n = best.paints.index("White")
+    shown = [float(line[name]) for name in ("fraction", "fraction_low", "fraction_high", "amount_low_um")]
+    assert shown == pytest.approx([best.fractions[n], *best.fractions_90[n], 1e6 * best.amounts_90[n, 0]], rel=1e-12)
+    spot = filed["spots"][0]
+    np.testing.assert_allclose(spot["explanations"][1]["fitted"], found.fitted[0, 1], atol=1e-6)
+    assert spot["two_coats"] == 0.3
+
+
+def test_names_are_text_and_nothing_comes_from_elsewhere():
+    filed = record(identification())
+    text = "".join(page(filed, "report.csv", "report.json"))
+    assert "<script" not in text
+    assert "://" not in text
+    seen = Parsed(text)
+    assert {"svg", "figure", "table"} <= {tag for tag, _ in seen.tags}
+    assert not {tag for tag, _ in seen.tags} & {"script", "link", "img", "iframe", "object", "image", "foreignobject"}
+    for _, given in seen.tags:
+        for name, value in given.items():
+            assert not name.startswith("on")
+            assert name not in ("href", "src") or (value or "").startswith("#")
+            assert all(part.startswith("#") for part in re.findall(r"url\(([^)]*)\)", value or ""))
+    assert not re.search(r"url\(|@import", text.partition("</style>")[0])
+    policy = next(given for _, given in seen.tags if given.get("http-equiv") == "Content-Security-Policy")
+    assert "default-src 'none'" in (policy["content"] or "")
+    figures = [given for tag, given in seen.tags if tag == "figure"]
+    assert len(figures) == 4
+    assert all(given.get("aria-label") for given in figures)
+    assert EVIL in seen.words["spot-2"]
+
+
+def test_one_report_is_one_text():
+    def text() -> str:
+        return "".join(page(record(identification()), "report.csv", "report.json"))
+
+    assert text() == text()
+    assert "2026-03-04" in text()
+
+
+def test_of_very_many_spots_the_first_are_drawn(monkeypatch):
+    drawn = []
+    monkeypatch.setattr(MODULE, "draw_residuals", lambda *_: "")
+    monkeypatch.setattr(MODULE, "draw_spectra", lambda spot, *_: drawn.append(spot["id"]) or "")
+    names = [f"spot {n}" for n in range(DRAWN + 2)]
+    seen = parsed(record(identification(names), replace(ABOUT, asked=names)))
+    assert len(seen.spots) == DRAWN + 2
+    assert drawn == [f"spot-{n + 1}" for n in range(DRAWN)]
+    assert f"Spectra are drawn for the first {DRAWN} spots" in seen.words[""]
+
+
+def test_an_interrupted_run_says_what_is_missing():
+    filed = record(identification(["one"]))
+    assert not filed["complete"]
+    assert filed["not_done"] == [EVIL]
+    words = parsed(filed).words[""]
+    assert "1 of 2 spots were finished" in words
+    assert EVIL in words
+    assert record(identification())["complete"]
+
+
+def test_what_has_no_number_has_none():
+    """No colour outside the visible, no lengths where the ground is hidden."""
+    found = identification(grid=np.linspace(500.0, 560.0, 16), opaque=True)
+    assert np.isnan(found.delta_e).all()
+    filed = record(found)
+    best = filed["spots"][0]["explanations"][0]
+    assert best["delta_e_2000"] is best["thickness_um"] is best["thickness_90_um"] is None
+    assert best["paints"][0]["amount_um"] is best["paints"][0]["amount_90_um"] is filed["spots"][0]["colours"] is None
+    assert json.loads(json.dumps(filed, allow_nan=False)) == filed
+    words = parsed(filed).words
+    assert "µm" not in words["spot-1"]
+    assert "hiding their ground" in words[""]
+
+
+def test_what_nothing_explains_is_said_first():
+    found = replace(identification(), none=np.array([0.95, 0.45]), probability=np.array([[0.03, 0.02], [0.4, 0.1]]))
+    seen = parsed(record(found))
+    assert "Nothing in the catalogue explains this" in seen.words["spot-1"]
+    assert "Most probable" not in seen.words["spot-1"].partition("Amounts")[0]
+    assert "Uncertain" in seen.words["spot-2"]
+    assert next(row for row in seen.rows if row[0] == "one")[2] == "Nothing in the catalogue explains it"
+
+
+def test_existing_files_are_kept_and_other_endings_refused(tmp_path):
+    path = tmp_path / "report.html"
+    (tmp_path / "report.json").write_text("mine")
+    with pytest.raises(FileExistsError, match=r"report\.json exists"):
+        write_page(record(identification()), path)
+    assert [file.name for file in tmp_path.iterdir()] == ["report.json"]
+    write_page(record(identification()), path, overwrite=True)
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["report.csv", "report.html", "report.json"]
+    with pytest.raises(ValueError, match=r"report\.htm: a report ends in \.html, such as .*report\.html$"):
+        write_page(record(identification()), tmp_path / "report.htm")
+
+
+def test_a_failure_while_a_page_is_made_leaves_the_old_one(tmp_path, monkeypatch):
+    path = tmp_path / "report.html"
+    write_page(record(identification()), path)
+    before = {file: file.read_bytes() for file in tmp_path.iterdir()}
+
+    def fails(*_):
+        raise RuntimeError("no ink")
+
+    monkeypatch.setattr(MODULE, "draw_spectra", fails)
+    with pytest.raises(RuntimeError, match="no ink"):
+        write_page(record(identification(["other"])), path, overwrite=True)
+    assert {file: file.read_bytes() for file in tmp_path.iterdir()} == before
+
+
+def test_an_interrupt_while_spectra_are_drawn_ends_the_drawing(monkeypatch):
+    def stops(spot, *_):
+        if spot["id"] == "spot-2":
+            raise KeyboardInterrupt
+        return "<svg></svg>"
+
+    monkeypatch.setattr(MODULE, "draw_spectra", stops)
+    monkeypatch.setattr(MODULE, "draw_residuals", lambda *_: "")
+    seen = parsed(record(identification(["one", "two", "three"]), replace(ABOUT, asked=("one", "two", "three"))))
+    assert list(seen.spots) == ["spot-1", "spot-2", "spot-3"]
+    assert [tag for tag, _ in seen.tags].count("figure") == 2
+    assert "from here on spectra are not drawn" in "".join(seen.words.values())
+
+
+def test_why_a_paint_is_ruled_out():
+    found = identification()
+    given = contenders(found)
+
+    def judged(chances=(0.9, 0.6, 0.3, 0.004, 0.002), **changed) -> dict:
+        one = replace(given, **{name: np.broadcast_to(value, (2, 5)) for name, value in changed.items()})
+        held = replace(found, paint_probability=np.broadcast_to(chances, (2, 5)))
+        return {paint.paint: paint for paint in ruled_out(held, one, 0)}
+
+    usual = judged()
+    assert list(usual) == ["Black", "Chalk"]
+    assert usual["Black"].reason == "Black: the best film with it is off by Delta E00 9.1."
+    assert usual["Chalk"].kind == "unneeded"
+    assert usual["Chalk"].film == "30 % Chalk + 70 % Red"
+    assert judged(delta_e=[0, 0, 0, 2.5, 9.1])["Chalk"].reason == (
+        f"Chalk: the best film with it is off by Delta E00 2.5, the most probable film by {found.delta_e[0, 0]:.1f}."
+    )
+    assert judged(rmse=[0, 0, 0, 0.02, 0.08])["Chalk"].kind == "worse"
+    assert "spectrum less so: RMSE 0.0200 against 0.0020" in judged(rmse=[0, 0, 0, 0.02, 0.08])["Chalk"].reason
+    # What does not fit is ruled out but for a trace; what is there more likely than not is never ruled out.
+    assert judged(delta_e=[9.0, 9.0, 9.0, 0.5, 9.1])["Blue"].kind == "trace"
+    assert set(judged(delta_e=[9.0, 9.0, 9.0, 0.5, 9.1])) == {"Blue", "Chalk", "Black"}
+    assert "0.080 in reflectance" in judged(delta_e=[np.nan] * 5)["Black"].reason
+
+
+def test_intervals_are_those_of_the_log_normal_amounts():
+    found = identification()
+    rng = np.random.default_rng(0)
+    for n in range(2):
+        size = (found.members[0, n] != NOBODY).sum()
+        covariance = found.log_covariance[0, n, :size, :size]
+        logs = np.log(found.amounts[0, n, :size]) + rng.multivariate_normal(np.zeros(size), covariance, 400_000)
+        amounts = np.exp(logs)
+        np.testing.assert_allclose(
+            found.amounts_90[0, n, :size].T, np.quantile(amounts, [0.05, 0.95], axis=0), rtol=0.01
+        )
+        # To first order about the best amounts.
+        total = np.quantile(amounts.sum(axis=1), [0.05, 0.95])
+        np.testing.assert_allclose(found.thickness_90[0, n], total, rtol=0.15)
+        parts = np.quantile(amounts / amounts.sum(axis=1, keepdims=True), [0.05, 0.95], axis=0)
+        np.testing.assert_allclose(found.fractions_90[0, n, :size].T, parts, rtol=0.02)
+    assert (found.fractions_90[:, :, 2] == 0).all()
+    ranked = found.ranked(0, 1)[0]
+    assert ranked.paints == ("White", "Red")
+    np.testing.assert_array_equal(ranked.amounts_90, found.amounts_90[0, 0, [1, 0]])
+
+
+def test_a_dark_spectrum_fills_its_figure():
+    filed = record(identification(["one"]))
+    spot = filed["spots"][0]
+    dark = {**spot, "measured": (np.asarray(spot["measured"]) * 0.1).tolist()}
+    assert ">0.6<" in draw_spectra(spot, GRID, ["black card", "white card"])
+    assert ">0.6<" not in draw_spectra(dark, GRID, ["black card", "white card"])
+
+
+def test_files_that_were_read_are_hashed_with_the_other_half_of_a_pair(tmp_path):
+    for name in ("a.csv", "spectra.hdr", "spectra.sli"):
+        (tmp_path / name).write_bytes(b"abc")
+    seen = input_files({"FILE": tmp_path / "spectra.hdr", "--ground": None, "--pigments": tmp_path / "a.csv"})
+    assert [(each["role"], each["name"].rpartition("/")[2]) for each in seen] == [
+        ("FILE", "spectra.hdr"), ("FILE", "spectra.sli"), ("--pigments", "a.csv"),
+    ]  # fmt: skip
+    # FIPS 180-4, the example of one block.
+    assert {each["sha256"] for each in seen} == {"ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"}
+    assert input_files({"FILE": tmp_path / "gone"})[0]["sha256"] is None
