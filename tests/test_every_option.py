@@ -149,6 +149,7 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--pigments": Reaches(OWN_PAINTS, lambda g: [*map(name_of, g["pigments"])], ["ZincWhite", "Own"]),
         "--catalogue": Reaches("--catalogue acrylics", lambda g: name_of(g["pigments"][-1]), "TitaniumWhite"),
         "--only": Reaches("--only Eosin,ZincWhite", lambda g: {*map(name_of, g["pigments"])}, {"Eosin", "ZincWhite"}),
+        "--without": Reaches("--without Eosin", lambda g: "Eosin" in {*map(name_of, g["pigments"])}, False),
         "--samples": Reaches("--samples two", lambda g: tuple(g["names"]), ("two",)),
         "--max-paints": Reaches("--max-paints 1", lambda g: g["max_paints"], 1),
         "--layers": Reaches("--layers 2", lambda g: g["layers"], 2),

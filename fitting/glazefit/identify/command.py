@@ -49,6 +49,7 @@ def identify(
     pigments: options.Pigments = None,
     catalogue: options.CatalogueName = options.OILS,
     only: options.Only = "",
+    without: options.Without = "",
     samples: options.Samples = "",
     max_paints: Annotated[int, typer.Option(help="Largest number of paints in a film: 1, 2 or 3.")] = 3,
     layers: Annotated[int, typer.Option(help="Coats of a film: 1, or 2 to try two coats as well, in both orders.")] = 1,
@@ -110,7 +111,7 @@ def identify(
 
     start_jax()
     console = Console(highlight=False)
-    paints = options.choose_paints(options.read_shelf(pigments, catalogue), only)
+    paints = options.choose_paints(options.read_shelf(pigments, catalogue), only, without)
     instrument = Instrument(seen_by, refractive_index)
     inputs = input_files(read) if report is not None else []
     task = _read(file, samples, ground, bare, opaque, instrument, console)

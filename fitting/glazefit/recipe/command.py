@@ -69,9 +69,7 @@ def recipe(
         ),
     ] = None,
     only: options.Only = "",
-    without: Annotated[
-        str, typer.Option(metavar="NAMES", help="All paints but these, such as Vermillion.", show_default=False)
-    ] = "",
+    without: options.Without = "",
     pigments: options.Pigments = None,
     catalogue: options.CatalogueName = options.OILS,
     ground: Annotated[str | None, options.ground_option(_GROUND)] = None,

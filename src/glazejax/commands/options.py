@@ -63,6 +63,12 @@ Only = Annotated[
     str,
     typer.Option("--only", metavar="NAMES", help="Only these paints, such as ZincWhite,Eosin.", show_default=False),
 ]
+Without = Annotated[
+    str,
+    typer.Option(
+        "--without", metavar="NAMES", help="All paints but these, such as LeadWhite,Minium.", show_default=False
+    ),
+]
 Samples = Annotated[
     str,
     typer.Option(
