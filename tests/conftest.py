@@ -1,4 +1,4 @@
-"""Double precision, hypothesis without deadlines (the first call compiles), and shared measured data."""
+"""Double precision, checked annotations, hypothesis without deadlines (the first call compiles), measured data."""
 
 import ctypes
 import gc
@@ -16,6 +16,7 @@ if os.environ.get("GLAZEJAX_TEST_OPTIMISED") != "1":
 
 import hypothesis
 import jax
+import jaxtyping
 import pytest
 
 jax.config.update("jax_enable_x64", True)
@@ -23,6 +24,15 @@ jax.config.update("jax_logging_level", "CRITICAL")  # XLA calls a program taken 
 # Programs compiled by one worker or run serve the others.
 jax.config.update("jax_compilation_cache_dir", str(Path(__file__).parents[1] / ".pytest_cache" / "xla"))
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
+
+# Every annotation is checked while the tests run, shapes too; GLAZEJAX_CHECK_TYPES=0 leaves that out. A whole number
+# counts as a float, as for type checkers (PEP 484).
+if os.environ.get("GLAZEJAX_CHECK_TYPES", "1") != "0":
+    jaxtyping.install_import_hook(
+        ["glazejax", *(f"glazefit.{room}" for room in ("film", "recover", "identify", "recipe"))],
+        "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))",
+    )
+
 hypothesis.settings.register_profile("glazejax", deadline=None, max_examples=50)
 hypothesis.settings.load_profile("glazejax")
 
@@ -34,6 +44,13 @@ _MANY_MAPPINGS = 20_000
 """Of memory by one process; Linux allows 65530, and LLVM, which takes some for each program, crashes beyond."""
 _MUCH_MEMORY = 1.2e9
 """Bytes held by one process between two modules; the heaviest tests take some .6e9 more."""
+
+
+@pytest.fixture(autouse=True)
+def _dtypes_are_said(request):
+    """No dtype becomes another by itself in the forward package; the inverse tasks are not there yet."""
+    with jax.numpy_dtype_promotion("standard" if "fitting" in request.path.parts[-3:] else "strict"):
+        yield
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -50,6 +67,14 @@ def _programs_are_let_go():
         gc.collect()
         if hasattr(libc := ctypes.CDLL(None), "malloc_trim"):  # What glibc keeps of it goes back too.
             libc.malloc_trim(0)
+
+
+@pytest.fixture
+def unchecked():
+    """For calls that a type checker refuses: what the function itself says to those who use none."""
+    jaxtyping.config.update("jaxtyping_disable", True)
+    yield
+    jaxtyping.config.update("jaxtyping_disable", False)
 
 
 def _shared(variable: str, folder: str) -> Path:

@@ -201,6 +201,7 @@ def test_slopes_are_finite_at_the_edges():
             assert all(np.isfinite(slope).all() for slope in slopes), (k, s, thickness, ground)
 
 
+@pytest.mark.usefixtures("unchecked")
 def test_other_geometry_is_refused():
     with pytest.raises(TypeError, match="must be Bidirectional or Hemispherical, not float"):
         reflectance(Glaze([], 0.5), 8.0)  # pyright: ignore[reportArgumentType]

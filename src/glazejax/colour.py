@@ -10,7 +10,7 @@ import difflib
 import re
 import warnings
 from functools import lru_cache
-from types import ModuleType
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -48,8 +48,8 @@ _MAX_STEP = 40.0
 _MAX_GUESSED = 0.1
 
 
-def colour_science() -> ModuleType:
-    """The colour-science package, imported without warnings about optional dependencies."""
+def colour_science() -> Any:
+    """The colour-science package (an object in place of its module), imported without warnings about what it lacks."""
     printing = np.get_printoptions()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

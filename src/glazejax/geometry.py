@@ -5,7 +5,6 @@ command line and in Python: ``d:8``, ``de:8``, ``45:0`` and so on.
 """
 
 from dataclasses import dataclass, field
-from typing import Self
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -225,7 +224,7 @@ class Instrument:
             raise ValueError(f"refractive index {self.refractive_index:g} is outside [{low:g}, {high:g}]")
 
     @classmethod
-    def parse(cls, text: str, refractive_index: float = 1.5) -> Self:
+    def parse(cls, text: str, refractive_index: float = 1.5) -> "Instrument":
         """The instrument of these words, such as ``Instrument.parse("45:0")``.
 
         Raises:

@@ -3,7 +3,7 @@
 matplotlib is imported when the first one is drawn, and its global state stays as it is.
 """
 
-from collections.abc import Generator, Mapping
+from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -80,6 +80,6 @@ def check_picture(path: str | Path, *, overwrite: bool = False) -> Path:
     return check_output(path, overwrite=overwrite)
 
 
-def hex_colour(rgb: Float[Array | np.ndarray, "3"]) -> str:
+def hex_colour(rgb: Float[Array | np.ndarray, "3"] | Sequence[float]) -> str:
     """Encoded sRGB in [0, 1] as #rrggbb."""
     return "#" + "".join(f"{round(float(np.clip(c, 0, 1)) * 255):02x}" for c in rgb)

@@ -8,12 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
 from jax.typing import ArrayLike
-from jaxtyping import Array, Bool, Float, Num
+from jaxtyping import Array, Bool, Float
 
-# What callers may pass: arrays of either kind, numbers, or lists of them.
-Grid: TypeAlias = Num[ArrayLike, "bands"] | Sequence[Any]
-Spectra: TypeAlias = Num[ArrayLike, "*batch bands"] | Sequence[Any]
-Numbers: TypeAlias = Num[ArrayLike, "..."] | Sequence[Any]
+# What callers may pass: arrays of either kind, numbers, or lists of them. What takes them checks the shape itself, in
+# words: a grid is (bands,), spectra are (..., bands).
+Numbers: TypeAlias = ArrayLike | Sequence[Any]
+Grid: TypeAlias = Numbers
+Spectra: TypeAlias = Numbers
 
 DEFAULT_WAVELENGTHS: Float[np.ndarray, "41"] = np.arange(380.0, 781.0, 10.0)
 DEFAULT_WAVELENGTHS.setflags(write=False)

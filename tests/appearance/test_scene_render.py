@@ -237,7 +237,7 @@ def test_gradient_of_a_pixel_by_the_spectrum_of_a_material():
         assert np.abs(slope).max() > 1e-3
         for band in (0, 5, 10):
             step = 1e-5 * jnp.eye(GRID.size)[band]
-            ends = [total(*(x + sign * step * (k == argument) for k, x in enumerate(point))) for sign in (1, -1)]
+            ends = [total(*(x + sign * step * float(k == argument) for k, x in enumerate(point))) for sign in (1, -1)]
             np.testing.assert_allclose((ends[0] - ends[1]) / 2e-5, slope[band], rtol=1e-5, atol=1e-8)
 
 

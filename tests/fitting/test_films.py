@@ -123,6 +123,7 @@ def test_unknown_sample_names_the_nearest(write):
         read_films(write(table())).select(["a1"])
 
 
+@pytest.mark.usefixtures("unchecked")
 def test_films_check_what_they_are_given(write):
     films = read_films(write(table()))
     with pytest.raises(ValueError, match="over_black of 'A1' at 410 nm is nan"):

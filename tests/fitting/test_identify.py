@@ -181,6 +181,7 @@ def test_grounds_read_bare_are_turned_into_internal_ones():
         ground_from_air(np.array([0.01]))
 
 
+@pytest.mark.usefixtures("unchecked")  # nothing is identified
 @pytest.mark.parametrize("text", ["d:8", "de:8", "45:0"])
 def test_cards_are_read_by_the_instrument_that_read_the_films(monkeypatch, text):
     """Told as an instrument or as a geometry."""

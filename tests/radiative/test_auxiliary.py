@@ -337,6 +337,7 @@ def test_fresh_processes_finish(tmp_path):
     assert len({out for _, out, _ in results}) == 1
 
 
+@pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize(
     ("change", "message"),
     [

@@ -47,6 +47,7 @@ def test_no_flux_is_lost_without_absorption():
     np.testing.assert_allclose(net, net[0], atol=1e-11)
 
 
+@pytest.mark.usefixtures("unchecked")
 def test_errors_name_the_value():
     with pytest.raises(ValueError, match="depth holds 2"):
         manyflux_field([0.5], [1.0], 0.3, depth=[2.0], cos_direction=[0.5])

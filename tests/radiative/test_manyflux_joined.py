@@ -224,6 +224,7 @@ def test_slopes_between_media():
     assert np.all(np.isfinite(slope(jnp.array([1.0, 0.0, 0.0, 5.0, 1.0]))))
 
 
+@pytest.mark.usefixtures("unchecked")
 def test_errors_name_the_value():
     with pytest.raises(ValueError, match="refractive_index has 3 values"):
         manyflux_diffuse_reflectance([0.5], [1.0], 0.3, refractive_index=(1.5, 1.4, 1.3))

@@ -65,7 +65,7 @@ def test_inverses_and_their_slopes():
     a = jnp.asarray(a @ np.swapaxes(a, -1, -2) + np.eye(9))
     for function in (inverse, inverse_symmetric):
         np.testing.assert_allclose(function(a), np.linalg.inv(a), atol=1e-12)
-    moved = jax.jvp(inverse, (a,), (np.ones_like(a),))[1]
+    moved = jax.jvp(inverse, (a,), (jnp.ones_like(a),))[1]
     expected = (np.linalg.inv(a + 1e-5) - np.linalg.inv(a - 1e-5)) / 2e-5
     np.testing.assert_allclose(moved, expected, atol=1e-7)
 

@@ -80,6 +80,7 @@ def test_gradients_under_jit():
     assert by_d == pytest.approx((moved[1] - moved[0]) / 4e-8, rel=1e-3)
 
 
+@pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize(
     ("change", "message"),
     [

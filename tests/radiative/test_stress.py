@@ -257,6 +257,7 @@ def test_memory_stays_bounded():
     assert float(done.stdout) < 600
 
 
+@pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize(
     ("change", "message"),
     [

@@ -234,7 +234,9 @@ def whiten(
     return Whitening(white, height + np.log(weights / weights.sum()))
 
 
-def whitening(matrix: Float[np.ndarray, "*n r r"]) -> tuple[Float[np.ndarray, "*n r r"], Float[np.ndarray, "*n"]]:
+def whitening(
+    matrix: Float[np.ndarray, "*n r r"],
+) -> tuple[Float[np.ndarray, "*n r r"], Float[np.ndarray | np.floating, "*n"]]:
     """W with W^T W the inverse of a covariance, and log det W - (r/2) log 2 pi, the height of the Gaussian."""
     factor = np.linalg.cholesky(matrix)
     inverse = np.linalg.inv(factor)

@@ -3,7 +3,6 @@
 import difflib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Self
 
 import numpy as np
 from jaxtyping import Array, Float
@@ -96,13 +95,13 @@ class Films:
     def __len__(self) -> int:
         return len(self.names)
 
-    def take(self, rows: Sequence[int] | slice) -> Self:
+    def take(self, rows: Sequence[int] | slice) -> "Films":
         """Some of the films, by number."""
         index = np.arange(len(self))[rows]
         pick = {what: getattr(self, what)[index] for what in ("bare_black", "bare_white", "over_black", "over_white")}
         return replace(self, names=tuple(self.names[i] for i in index), **pick)
 
-    def select(self, wanted: Sequence[str]) -> Self:
+    def select(self, wanted: Sequence[str]) -> "Films":
         """Films of these names, in this order.
 
         Raises:

@@ -150,7 +150,7 @@ def damped_newton(
         longest: step of one unknown.
     """
 
-    def step(_: int, state: tuple) -> tuple:
+    def step(_: int | Array, state: tuple) -> tuple:
         here, seen, damping = state
         _, gradient, hessian, _ = seen
         damped = hessian + damping * (jnp.diag(jnp.diagonal(hessian)) + 1e-6 * jnp.eye(here.shape[0]))

@@ -18,9 +18,9 @@ FIT_TOLERANCE = 1e-5
 
 
 def body_reflectance(
-    absorption: Float[Array, "*batch"],
-    scattering: Float[Array, "*batch"],
-    ground: Float[Array, "*batch"],
+    absorption: Float[Array, "*#batch"],
+    scattering: Float[Array, "*#batch"],
+    ground: Float[Array, "*#batch"],
     instrument: Instrument,
     tolerance: float = FIT_TOLERANCE,
 ) -> Float[Array, "*batch"]:

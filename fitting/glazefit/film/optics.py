@@ -27,9 +27,9 @@ class Optics(NamedTuple):
 
     def body(
         self,
-        absorption: Float[Array, "*batch coats"],
-        scattering: Float[Array, "*batch coats"],
-        ground: Float[Array, "*batch"],
+        absorption: Float[Array, "*#batch coats"],
+        scattering: Float[Array, "*#batch coats"],
+        ground: Float[Array, "*#batch"],
         tolerance: float,
     ) -> Float[Array, "*batch"]:
         """Reflectance of coats on a Lambertian ground, without the outer surface's part.

@@ -49,7 +49,7 @@ def log_prior(
     logs: Float[Array, "size"], present: Bool[Array, "size"], spread: Array, concentration: Array
 ) -> Float[Array, ""]:
     """Log prior density of log amounts: log-normal total of median 1, Dirichlet fractions."""
-    m = present.sum()
+    m = present.sum(dtype=logs.dtype)
     total = jax.nn.logsumexp(logs, where=present)
     fractions = concentration * jnp.sum(jnp.where(present, logs - total, 0.0))
     fractions += gammaln(m * concentration) - m * gammaln(concentration)
@@ -58,9 +58,9 @@ def log_prior(
 
 def _prior_terms(logs: Array, present: Array, spread: Array, concentration: Array) -> tuple[Array, Array]:
     """Gradient of minus the log prior, and a positive part of its Hessian; 1 for a paint that is not there."""
-    m = present.sum()
+    m = present.sum(dtype=logs.dtype)
     total, share = jax.nn.logsumexp(logs, where=present), jax.nn.softmax(logs, where=present)
-    gradient = share * total / spread**2 - concentration * (present - m * share)
+    gradient = share * total / spread**2 - concentration * (present.astype(logs.dtype) - m * share)
     outer = jnp.outer(share, share)
     hessian = outer / spread**2 + concentration * m * (jnp.diag(share) - outer)
     return gradient, hessian + jnp.diag(jnp.where(present, 0.0, 1.0))
@@ -103,7 +103,7 @@ def _evidence(logs: Array, present: Array, hessian: Array, readings: Array, weig
     off = jnp.einsum("srt,t->sr", weights.basis, weights.target - readings)
     likelihood = jax.nn.logsumexp(weights.height - 0.5 * jnp.sum(off**2, axis=-1))
     prior = log_prior(logs, present, weights.spread, weights.concentration)
-    volume = 0.5 * present.sum() * jnp.log(2.0 * jnp.pi) - 0.5 * log_det
+    volume = 0.5 * present.sum(dtype=logs.dtype) * jnp.log(2.0 * jnp.pi) - 0.5 * log_det
     return likelihood + prior + volume, spread
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import ArrayLike, Float, Int
@@ -45,7 +45,7 @@ class Measured:
     def __len__(self) -> int:
         return len(self.names)
 
-    def take(self, rows: Int[np.ndarray, "rows"]) -> Self:
+    def take(self, rows: Int[np.ndarray, "rows"]) -> "Measured":
         """Some of the spectra, by number."""
         names = tuple(self.names[i] for i in rows)
         return type(self)(names, self.wavelengths, self.readings[rows], self.grounds[rows])

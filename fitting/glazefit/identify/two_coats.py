@@ -47,7 +47,7 @@ def stack_readings(
         optics: cosines and index.
         tolerance: of the solver.
     """
-    place = (coats[:, None] == jnp.arange(2)) * amounts[:, None]
+    place = jnp.where(coats[:, None] == jnp.arange(2), amounts[:, None], 0.0)
     layers_k, layers_s = jnp.einsum("ml,mb->bl", place, k), jnp.einsum("ml,mb->bl", place, s)
     return optics.body(layers_k, layers_s, ground, tolerance)
 

@@ -12,7 +12,7 @@ import functools
 import hashlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import jax
 import jax.numpy as jnp
@@ -23,6 +23,7 @@ from jaxtyping import Array, Float
 _COLUMNS = 12_000
 
 
+@runtime_checkable
 class Residuals(Protocol):
     """Residuals of one block, (rows,), from its free unknowns, (dims,), its own data and what all blocks share."""
 

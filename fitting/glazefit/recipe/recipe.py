@@ -305,4 +305,4 @@ def _thickness_effects(
 
 def _at_bound(size: float, bound: float) -> bool:
     """Whether a thickness in um is within 5 % or a rounding step of a bound in m."""
-    return abs(size - bound * 1e6) < max(0.05 * bound * 1e6, 0.11)
+    return bool(abs(size - bound * 1e6) < max(0.05 * bound * 1e6, 0.11))

@@ -200,7 +200,7 @@ def _steps(problem: JointProblem) -> JointSteps:
 
 @functools.partial(jax.jit, static_argnames="max_steps")
 def fit(
-    problem: JointProblem, response: Response, start: Unknowns, first_step: float, max_steps: int
+    problem: JointProblem, response: Response, start: Unknowns, first_step: float | Array, max_steps: int
 ) -> tuple[Unknowns, Array, Array]:
     """Least squares from a start: solution, number of steps, whether they settled."""
     solver = optx.LevenbergMarquardt(rtol=_SETTLED, atol=_SETTLED, linear_solver=_steps(problem))

@@ -45,7 +45,7 @@ class JointSteps(FullRankSolver[Any]):
     """
 
     curvature: Float[Array, "bands bands"]  # inner product of the curvature rows
-    stiffness: Float[Array, "2*paints"]
+    stiffness: Float[Array, "local"]  # of log k of all paints, then log s
 
     def init(self, operator: lx.AbstractLinearOperator, options: dict[str, Any]) -> Any:
         """Build and factorise the normal matrix."""
@@ -66,7 +66,7 @@ class JointSteps(FullRankSolver[Any]):
 def normal_matrix(
     operator: lx.AbstractLinearOperator,
     curvature: Float[Array, "bands bands"],
-    stiffness: Float[Array, "2*paints"],
+    stiffness: Float[Array, "local"],
 ) -> Normal:
     """Normal matrix from an operator whose output is `JointResiduals`, or that and the damping's own part."""
     zero = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), operator.in_structure())

@@ -187,7 +187,7 @@ def _fit_thickness(
     ground: Float[Array, "bands 2"],
     body: Float[Array, "draws bands 2"],
     deviation: Float[Array, "bands 2"],
-    expected: float,
+    expected: float | Array,
     response: Response,
 ) -> tuple[Float[Array, "draws"], Float[Array, "draws bands 2"]]:
     """Log of the best thickness of each draw, by scanning and scanning again around the best, and its spectra."""

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -160,7 +159,7 @@ class Recovery(FittedFilms):
         )
 
     @classmethod
-    def join(cls, parts: Sequence[Self]) -> Self:
+    def join(cls, parts: Sequence["Recovery"]) -> "Recovery":
         """Recoveries of several batches of films as one.
 
         Raises:

@@ -23,12 +23,14 @@ _NEAR_NORMAL = 0.05
 _TERMS = 12
 
 
-def dot(first: Float[Array, "*batch 3"], second: Float[Array, "*batch 3"]) -> Float[Array, "*batch"]:
+def dot(first: Float[Array, "*#batch 3"], second: Float[Array, "*#batch 3"]) -> Float[Array, "*batch"]:
     """Cosine between unit vectors, (..., 3) each."""
     return jnp.sum(first * second, axis=-1)
 
 
-def mirror_direction(normal: Float[Array, "*batch 3"], direction: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3"]:
+def mirror_direction(
+    normal: Float[Array, "*#batch 3"], direction: Float[Array, "*#batch 3"]
+) -> Float[Array, "*batch 3"]:
     """Unit vector away from the surface whose mirror image at it is `direction`: R_l of L, R_v of V.
 
     Args:
@@ -38,7 +40,7 @@ def mirror_direction(normal: Float[Array, "*batch 3"], direction: Float[Array, "
     return 2.0 * dot(normal, direction)[..., None] * normal - direction
 
 
-def half_vector(light: Float[Array, "*batch 3"], view: Float[Array, "*batch 3"]) -> Float[Array, "*batch 3"]:
+def half_vector(light: Float[Array, "*#batch 3"], view: Float[Array, "*#batch 3"]) -> Float[Array, "*batch 3"]:
     """Unit vector H half-way between two unit vectors, (..., 3); zero where they are opposite."""
     total = light + view
     square = jnp.sum(total**2, axis=-1, keepdims=True)

@@ -51,7 +51,7 @@ def make_app() -> "typer.Typer":
         pretty_exceptions_enable=False,
     )
 
-    def tell_version(wanted: bool) -> None:
+    def tell_version(wanted: bool | None) -> None:
         if wanted:
             typer.echo(f"glazejax {version('glazejax')}")
             raise typer.Exit
@@ -59,7 +59,7 @@ def make_app() -> "typer.Typer":
     shown = typer.Option("--version", callback=tell_version, is_eager=True, help="Show the version and exit.")
 
     @app.callback()
-    def _(asked: Annotated[bool, shown] = False) -> None:
+    def _(asked: Annotated[bool | None, shown] = None) -> None:
         """Colour of stacked paint glazes: from pigments to reflectance, and back."""
 
     for point in sorted(entry_points(group="glazejax.commands"), key=lambda p: p.name):

@@ -1,17 +1,15 @@
 """A table on other wavelengths, by colour-science's interpolators."""
 
-from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
-from ..spectra import describe_grid, interpolation_matrix, validate_wavelengths
+from ..spectra import Grid, describe_grid, interpolation_matrix, validate_wavelengths
 from .spectra_table import SpectraTable
 
 
-def resample(table: SpectraTable, wavelengths: Float[np.ndarray, "new"] | Sequence[Any]) -> SpectraTable:
+def resample(table: SpectraTable, wavelengths: Grid) -> SpectraTable:
     """Spectra on other wavelengths, as CIE 167:2005 recommends: Sprague's where even, else cubic splines.
 
     Fewer than six bands are interpolated linearly. Nothing is extrapolated and nothing averaged: `notes` say so

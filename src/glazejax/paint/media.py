@@ -11,7 +11,6 @@ phase function is given.
 import functools
 import operator
 from collections.abc import Sequence
-from typing import Self
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -30,7 +29,7 @@ from ..spectra import (
     same_grid,
     validate_wavelengths,
 )
-from .phase import blended, legal_phase, stacked
+from .phase import Known, blended, legal_phase, stacked
 
 MAX_THICKNESS = 0.01
 # Below this extinction (1/m) a centimetre of paint is clear to 1e-14, and squares still fit in float32.
@@ -133,7 +132,7 @@ class Pigment(eqx.Module):
         """Where both k and s are determined by the data, (bands,), or None if not stated."""
         return None if self._identifiable is None else np.asarray(self._identifiable)
 
-    def resample(self, wavelengths: Grid) -> Self:
+    def resample(self, wavelengths: Grid) -> "Pigment":
         """The same paint on another grid (nm), by linear interpolation.
 
         A new band counts as identifiable if the old bands that it is interpolated from are.
@@ -143,7 +142,7 @@ class Pigment(eqx.Module):
         """
         matrix = interpolation_matrix(self.wavelengths, wavelengths)
 
-        def at(values: Float[Array, "*batch bands"] | None) -> Float[Array, "*batch new"] | None:
+        def at(values: Float[Array, "... bands"] | None) -> Float[Array, "... new"] | None:
             if values is None:
                 return None
             return jnp.matmul(values, jnp.asarray(matrix, dtype=values.dtype), precision="highest")
@@ -238,11 +237,11 @@ class Mixture(eqx.Module):
         parts = [self.weights[..., i, None] * p.scattering for i, p in enumerate(self.pigments)]
         return blended([p.phase for p in self.pigments], parts)
 
-    def _blend(self, spectra: Sequence[Float[Array, "*batch bands"]]) -> Float[Array, "*batch bands"]:
+    def _blend(self, spectra: Sequence[Float[Array, "... bands"]]) -> Float[Array, "*batch bands"]:
         """Sum of spectra, weighted."""
         return functools.reduce(operator.add, [self.weights[..., i, None] * values for i, values in enumerate(spectra)])
 
-    def resample(self, wavelengths: Grid) -> Self:
+    def resample(self, wavelengths: Grid) -> "Mixture":
         """The same mixture on another grid (nm); see `Pigment.resample`."""
         return type(self)([p.resample(wavelengths) for p in self.pigments], self.weights, self.name)
 
@@ -282,7 +281,7 @@ class Layer(eqx.Module):
         )
 
     @property
-    def phase(self) -> Float[Array, "*batch bands terms"] | None:
+    def phase(self) -> Float[Array, "*bands terms"] | None:
         """Legendre moments of the phase function, (..., bands or nothing, terms), or None for isotropic scattering."""
         return self.medium.phase if self._phase is None else self._phase
 
@@ -369,7 +368,7 @@ class Glaze(eqx.Module):
         )
 
     @property
-    def phase(self) -> Float[Array, "*batch bands layers terms"] | None:
+    def phase(self) -> Float[Known, "*batch bands layers terms"] | None:
         """Legendre moments of the layers' phase functions, (..., bands or 1, layers, terms); None: all isotropic."""
         return stacked([layer.phase for layer in self.layers])
 

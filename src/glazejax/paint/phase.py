@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from types import ModuleType
+from typing import TypeAlias
 
 import jax.numpy as jnp
 import numpy as np
@@ -9,6 +10,9 @@ from jaxtyping import Array, Float
 
 from ..radiative.common.phase import check_moments
 from ..spectra import Numbers, as_array, as_float_array, concrete
+
+Known: TypeAlias = Array | np.ndarray
+"""Moments: of NumPy where their values are known, so that they stay so under jit."""
 
 
 def legal_phase(what: str, phase: Numbers, bands: int) -> Float[Array, "*bands terms"]:
@@ -32,14 +36,14 @@ def legal_phase(what: str, phase: Numbers, bands: int) -> Float[Array, "*bands t
     return as_float_array(values)
 
 
-def same_terms(phases: Sequence[Float[Array, "*batch terms"] | None]) -> list[Float[Array, "*batch terms"]]:
+def same_terms(phases: Sequence[Float[Known, "... _"] | None]) -> list[Float[Known, "... terms"]]:
     """Moments side by side: all with as many terms as the longest, isotropic where there is None."""
     terms = max(1 if p is None else p.shape[-1] for p in phases)
     found = [np.ones(1) if p is None else p for p in phases]
     return [_module(p).pad(p, [(0, 0)] * (p.ndim - 1) + [(0, terms - p.shape[-1])]) for p in found]
 
 
-def stacked(phases: Sequence[Float[Array, "*batch terms"] | None]) -> Float[Array, "*batch bands layers terms"] | None:
+def stacked(phases: Sequence[Float[Known, "... _"] | None]) -> Float[Known, "*batch bands layers terms"] | None:
     """Moments of layers, (..., bands or 1, layers, terms); None if all are isotropic."""
     if all(p is None for p in phases):
         return None
@@ -54,7 +58,7 @@ def _module(*arrays: Array | np.ndarray) -> ModuleType:
 
 
 def blended(
-    phases: Sequence[Float[Array, "*bands terms"] | None], scattering: Sequence[Float[Array, "*batch bands"]]
+    phases: Sequence[Float[Known, "... _"] | None], scattering: Sequence[Float[Array, "*#batch bands"]]
 ) -> Float[Array, "*batch bands terms"] | None:
     """Moments of a mixture: each paint's by its share of the light scattered; None if all are isotropic.
 

@@ -52,12 +52,12 @@ _CHUNK_BYTES = 2**24
 def profile_reflectance_factor(
     absorption: Profile,
     scattering: Profile,
-    thickness: Float[Numbers, "*batch"],
-    substrate_reflectance: Float[Numbers, "*batch"],
+    thickness: Numbers,
+    substrate_reflectance: Numbers,
     *,
-    refractive_index: float | Float[Numbers, "*batch"] = 1.5,
-    cos_incidence: Float[Numbers, "*batch"] = 1.0,
-    cos_viewing: Float[Numbers, "*batch"] = 1.0,
+    refractive_index: Numbers = 1.5,
+    cos_incidence: Numbers = 1.0,
+    cos_viewing: Numbers = 1.0,
     tolerance: float = 1e-6,
     method: Method = "ordinates",
 ) -> Float[Array, "*batch"]:
@@ -99,11 +99,11 @@ def profile_reflectance_factor(
 def profile_hemispherical_reflectance(
     absorption: Profile,
     scattering: Profile,
-    thickness: Float[Numbers, "*batch"],
-    substrate_reflectance: Float[Numbers, "*batch"],
+    thickness: Numbers,
+    substrate_reflectance: Numbers,
     *,
-    refractive_index: float | Float[Numbers, "*batch"] = 1.5,
-    cos_incidence: Float[Numbers, "*batch"] = 1.0,
+    refractive_index: Numbers = 1.5,
+    cos_incidence: Numbers = 1.0,
     tolerance: float = 1e-6,
     method: Method = "ordinates",
 ) -> Float[Array, "*batch"]:

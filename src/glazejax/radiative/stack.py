@@ -70,13 +70,13 @@ class _ProgramSettings(NamedTuple):
 
 
 def stack_reflectance_factor(
-    albedo: Float[Numbers, "*batch layers"],
-    optical_thickness: Float[Numbers, "*batch layers"],
-    substrate_reflectance: Float[Numbers, "*batch"],
+    albedo: Numbers,
+    optical_thickness: Numbers,
+    substrate_reflectance: Numbers,
     *,
-    refractive_index: float | Float[Numbers, "*batch"] = 1.5,
-    cos_incidence: Float[Numbers, "*batch"] = 1.0,
-    cos_viewing: Float[Numbers, "*batch"] = 1.0,
+    refractive_index: Numbers = 1.5,
+    cos_incidence: Numbers = 1.0,
+    cos_viewing: Numbers = 1.0,
     tolerance: float = 1e-6,
     method: Method = "ordinates",
 ) -> Float[Array, "*batch"]:
@@ -124,12 +124,12 @@ def stack_reflectance_factor(
 
 
 def stack_hemispherical_reflectance(
-    albedo: Float[Numbers, "*batch layers"],
-    optical_thickness: Float[Numbers, "*batch layers"],
-    substrate_reflectance: Float[Numbers, "*batch"],
+    albedo: Numbers,
+    optical_thickness: Numbers,
+    substrate_reflectance: Numbers,
     *,
-    refractive_index: float | Float[Numbers, "*batch"] = 1.5,
-    cos_incidence: Float[Numbers, "*batch"] = 1.0,
+    refractive_index: Numbers = 1.5,
+    cos_incidence: Numbers = 1.0,
     tolerance: float = 1e-6,
     method: Method = "ordinates",
 ) -> Float[Array, "*batch"]:
@@ -151,13 +151,13 @@ def stack_hemispherical_reflectance(
 
 
 def split_reflectance_factor(
-    albedo: Float[Numbers, "*batch layers"],
-    optical_thickness: Float[Numbers, "*batch layers"],
-    substrate_reflectance: Float[Numbers, "*batch"],
+    albedo: Numbers,
+    optical_thickness: Numbers,
+    substrate_reflectance: Numbers,
     *,
-    refractive_index: float | Float[Numbers, "*batch"] = 1.5,
-    cos_incidence: Float[Numbers, "*batch"] = 1.0,
-    cos_viewing: Float[Numbers, "*batch"] = 1.0,
+    refractive_index: Numbers = 1.5,
+    cos_incidence: Numbers = 1.0,
+    cos_viewing: Numbers = 1.0,
     tolerance: float = 1e-6,
     method: Method = "ordinates",
 ) -> Split:
@@ -175,12 +175,12 @@ def split_reflectance_factor(
 
 
 def split_hemispherical_reflectance(
-    albedo: Float[Numbers, "*batch layers"],
-    optical_thickness: Float[Numbers, "*batch layers"],
-    substrate_reflectance: Float[Numbers, "*batch"],
+    albedo: Numbers,
+    optical_thickness: Numbers,
+    substrate_reflectance: Numbers,
     *,
-    refractive_index: float | Float[Numbers, "*batch"] = 1.5,
-    cos_incidence: Float[Numbers, "*batch"] = 1.0,
+    refractive_index: Numbers = 1.5,
+    cos_incidence: Numbers = 1.0,
     tolerance: float = 1e-6,
     method: Method = "ordinates",
 ) -> Split:

@@ -9,7 +9,7 @@ NumPy in, NumPy out; JAX in, JAX out, where everything but the rounding to level
 Source: paper B (Tominaga 1993), section 2; presets by colour-science.
 """
 
-from typing import Literal, NamedTuple, Self, get_args
+from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
@@ -37,7 +37,7 @@ class Digital(NamedTuple):
 
     rgb: Int[Array | np.ndarray, "*batch 3"]
     """Levels, 0 to the highest."""
-    outside: Bool[Array | np.ndarray, "*batch"]
+    outside: Bool[Array | np.ndarray | np.bool_, "*batch"]
     """Where the colour lies outside the gamut, or is too bright, so that `rgb` is another colour."""
 
 
@@ -93,7 +93,7 @@ class Display:
         self._to_light = np.linalg.inv(self._to_xyz)
 
     @classmethod
-    def preset(cls, name: str, *, white_luminance: float = 1.0) -> Self:
+    def preset(cls, name: str, *, white_luminance: float = 1.0) -> "Display":
         """A standard display: sRGB, Display P3, Adobe RGB or Rec. 2020, without any ICC profile.
 
         Args:
@@ -114,7 +114,7 @@ class Display:
         return cls(space.primaries, luminances, ToneCurve(np.arange(256.0), light), name=space.name)
 
     @classmethod
-    def paper_monitor(cls) -> Self:
+    def paper_monitor(cls) -> "Display":
         """The colour monitor of paper B, section 2C, as printed, in cd/m2.
 
         Its printed T follows, to the last digit, from y = 0.597 for green instead of the printed 0.607.
@@ -189,7 +189,7 @@ class Display:
         )
         return _times(_floats(xyz), np.asarray(transform))
 
-    def _refuse(self, xyz: Numbers, outside: Bool[Array | np.ndarray, "*batch"]) -> None:
+    def _refuse(self, xyz: Numbers, outside: Bool[Array | np.ndarray | np.bool_, "*batch"]) -> None:
         """Name the first colour outside the gamut."""
         wrong = concrete(outside)
         if wrong is None:

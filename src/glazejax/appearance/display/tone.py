@@ -5,12 +5,11 @@ and back is the same level to rounding.
 """
 
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Float, Int, Real
 
-from ...radiative.common.fresnel import array_module
+from ...radiative.common.fresnel import Either, array_module
 from ...spectra import Numbers, as_array, as_float_array
 
 FINE_BELOW = 14
@@ -32,8 +31,8 @@ class ToneCurve:
         ValueError: fewer than two knots, lengths that differ, or values that do not rise strictly.
     """
 
-    levels: Float[np.ndarray, "knots"]
-    lights: Float[np.ndarray, "knots"]
+    levels: Real[np.ndarray, "..."]
+    lights: Real[np.ndarray, "..."]
 
     def __post_init__(self) -> None:
         """Check the knots, and scale the light."""
@@ -52,7 +51,7 @@ class ToneCurve:
             object.__setattr__(self, name, values)
 
     @classmethod
-    def from_gamma(cls, gamma: float, levels: int = 255) -> Self:
+    def from_gamma(cls, gamma: float, levels: int = 255) -> "ToneCurve":
         """The power curve (level / highest)^gamma, with a knot at each level.
 
         Raises:
@@ -64,7 +63,7 @@ class ToneCurve:
         return cls(steps, (steps / levels) ** gamma)
 
     @classmethod
-    def from_readings(cls, levels: Numbers, readings: Numbers, highest: int = 255) -> Self:
+    def from_readings(cls, levels: Numbers, readings: Numbers, highest: int = 255) -> "ToneCurve":
         """Curve at every level from light measured at some of them, by monotone cubic interpolation (PCHIP).
 
         Args:
@@ -84,7 +83,7 @@ class ToneCurve:
         return cls(steps, PchipInterpolator(measured.levels, measured.lights)(steps))
 
     @classmethod
-    def from_tables(cls, coarse: Numbers, fine: Numbers | None = None) -> Self:
+    def from_tables(cls, coarse: Numbers, fine: Numbers | None = None) -> "ToneCurve":
         """Curve from correction tables as paper B keeps them: the level to send for evenly spaced light.
 
         Args:
@@ -109,11 +108,11 @@ class ToneCurve:
             np.concatenate([low[keep], whole[count:]]), np.concatenate([light[keep], np.arange(count, whole.size)])
         )
 
-    def light(self, level: Numbers) -> Float[Array | np.ndarray, "..."]:
+    def light(self, level: Numbers) -> Float[Either, "..."]:
         """Light, 0 to 1, of levels, (...)."""
         return _interpolate(level, self.levels, self.lights)
 
-    def level(self, light: Numbers) -> Float[Array | np.ndarray, "..."]:
+    def level(self, light: Numbers) -> Float[Either, "..."]:
         """Level, not rounded, that gives light 0 to 1, (...)."""
         return _interpolate(light, self.lights, self.levels)
 
@@ -148,7 +147,7 @@ def look_up(
     return np.rint(found).astype(int)
 
 
-def _interpolate(x: Numbers, knots: np.ndarray, values: np.ndarray) -> Float[Array | np.ndarray, "..."]:
+def _interpolate(x: Numbers, knots: np.ndarray, values: np.ndarray) -> Float[Either, "..."]:
     """Straight lines between knots, ends kept."""
     at = as_array(x)
     if isinstance(at, np.ndarray):

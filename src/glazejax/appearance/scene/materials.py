@@ -5,6 +5,8 @@ and lights, and ``mirror``, what a mirror reflection carries. All of them are eq
 picture can be differentiated by their spectra.
 """
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -13,7 +15,7 @@ from jaxtyping import Array, Bool, Float
 
 from ...paint.media import Glaze, Layer
 from ...radiative.common.fresnel import conductor_reflectance
-from ...spectra import Grid, Numbers, as_float_array, concrete, describe_grid, same_grid
+from ...spectra import Grid, as_float_array, concrete, describe_grid, same_grid
 from .. import shading
 from ..glaze.solve import on_grid
 from ..glaze.table import GlazeTable, glaze_table
@@ -62,7 +64,7 @@ class Material(eqx.Module):
             if known is not None and not np.all((known >= 0) & np.isfinite(known)):
                 raise ValueError(f"{what} of material {name!r} holds {float(np.min(known)):g}; it must be 0 or more")
 
-    def spectra(self) -> dict[str, Numbers]:
+    def spectra(self) -> dict[str, Any]:
         """Spectra by name, (bands,) or one number each."""
         raise NotImplementedError
 
@@ -107,7 +109,7 @@ class Lambert(Material):
 
     reflectance: Float[Array, "..."] = eqx.field(converter=as_float_array)
 
-    def spectra(self) -> dict[str, Numbers]:
+    def spectra(self) -> dict[str, Any]:
         """Its reflectance."""
         return {"reflectance": self.reflectance}
 
@@ -129,7 +131,7 @@ class Phong(Material):
     specular: Float[Array, ""] = eqx.field(converter=as_float_array, default=0.3)
     exponent: Float[Array, ""] = eqx.field(converter=as_float_array, default=40.0)
 
-    def spectra(self) -> dict[str, Numbers]:
+    def spectra(self) -> dict[str, Any]:
         """The body's reflectance."""
         return {"body": self.body}
 
@@ -168,7 +170,7 @@ class Conductor(Material):
         if not 0 <= self.roughness < 60:
             raise ValueError(f"roughness must be 0 (polished) to 60 degrees, not {self.roughness:g}")
 
-    def spectra(self) -> dict[str, Numbers]:
+    def spectra(self) -> dict[str, Any]:
         """Refractive index and extinction."""
         return {"refractive_index": self.refractive_index, "extinction": self.extinction}
 
@@ -289,7 +291,7 @@ class GlazedTable(_GlazedSurface, Material):
     thickness: Float[Array | np.ndarray, "h w"] | None
     gloss: bool = eqx.field(static=True)
 
-    def spectra(self) -> dict[str, Numbers]:
+    def spectra(self) -> dict[str, Any]:
         """None that could be cut into bands any more."""
         return {}
 

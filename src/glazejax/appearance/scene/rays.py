@@ -111,7 +111,7 @@ def _cast(geometry: Geometry, places: Lamps, origin: Array, direction: Array) ->
         geometry.arrays, hit, place, origin, direction, places.point
     )
     free = [nearest(geometry, here, *ray).shape < 0 for ray in zip(towards, reach, strict=True)]
-    lights = [np.asarray(a).T for a in (strength * jnp.stack(free), cos_light, between)]
+    lights = [np.asarray(a).T for a in (jnp.where(jnp.stack(free), strength, 0.0), cos_light, between)]
     return *seen, *lights, here, onward
 
 

@@ -55,9 +55,9 @@ def sample_map(values: Float[Array | np.ndarray, "h w"], uv: Float[Array, "point
     u, v = jnp.where((u == 0) & (uv[:, 0] > 0), 1.0, u), jnp.where((v == 0) & (uv[:, 1] > 0), 1.0, v)
     x = jnp.clip(u * columns - 0.5, 0.0, columns - 1.0)
     y = jnp.clip((1.0 - v) * rows - 0.5, 0.0, rows - 1.0)
+    a, b = x - jnp.floor(x), y - jnp.floor(y)
     left, top = jnp.floor(x).astype(int), jnp.floor(y).astype(int)
     right, down = jnp.minimum(left + 1, columns - 1), jnp.minimum(top + 1, rows - 1)
-    a, b = x - left, y - top
     upper = (1 - a) * values[top, left] + a * values[top, right]
     lower = (1 - a) * values[down, left] + a * values[down, right]
     return (1 - b) * upper + b * lower

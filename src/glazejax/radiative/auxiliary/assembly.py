@@ -69,7 +69,7 @@ def direct(step: Float[Array, "stacks"], count: Int[Array, "stacks"], most: int,
     inside, so its two halves get nodes that crowd at the midpoint. M and M' are vectors already.
     """
     y, w = gauss(_SEGMENT_NODES)
-    index = jnp.arange(most)
+    index = jnp.arange(most, dtype=step.dtype)
 
     def entries(dh: Array) -> Array:
         """All entries of one stack."""
@@ -121,10 +121,10 @@ def _values(step: Array, count: Array, most: int, refractive_index: float) -> tu
     J_p(x) = int_0^1 R(mu) mu^(p-1) exp(-x/mu) dmu. As h is Q dh, these also serve at h - s and h + s.
     """
     return (
-        expn(2, (jnp.arange(most) + 0.5) * step[:, None]),
+        expn(2, (jnp.arange(most, dtype=step.dtype) + 0.5) * step[:, None]),
         _reflected(1, 0.5 * step, step, 2 * most, refractive_index),
-        expn(3, jnp.arange(most + 1) * step[:, None]),
-        _reflected(2, count * step, step, most + 1, refractive_index),
+        expn(3, jnp.arange(most + 1, dtype=step.dtype) * step[:, None]),
+        _reflected(2, count.astype(step.dtype) * step, step, most + 1, refractive_index),
     )
 
 
@@ -144,11 +144,11 @@ def _reflected(power: int, start: Array, step: Array, terms: int, refractive_ind
     if refractive_index == 1.0:
         return jnp.zeros((step.size, terms), step.dtype)
     critical = math.sqrt((refractive_index - 1.0) * (refractive_index + 1.0)) / refractive_index
-    depth = start[:, None] + jnp.arange(terms) * step[:, None]
+    depth = start[:, None] + jnp.arange(terms, dtype=step.dtype) * step[:, None]
     mu, weight, r = (jnp.asarray(a, step.dtype) for a in cone_nodes(refractive_index))
     # On an even grid the exponentials are products of those of every sixteenth point and of the first sixteen.
-    coarse = jnp.exp(-(step[:, None] * np.arange(0, terms, _RUN))[..., None] / mu)
-    fine = jnp.exp(-(start[:, None] + step[:, None] * np.arange(_RUN))[..., None] / mu)
+    coarse = jnp.exp(-(step[:, None] * np.arange(0.0, terms, _RUN))[..., None] / mu)
+    fine = jnp.exp(-(start[:, None] + step[:, None] * np.arange(float(_RUN)))[..., None] / mu)
     cone = jnp.einsum("wak,wbk->wab", coarse * (weight * r * mu ** (power - 1)), fine, precision="highest")
     cone = cone.reshape(step.size, -1)[:, :terms]
     return cone + critical**power * expn(power + 1, depth / critical)

@@ -59,7 +59,7 @@ def _conjugate_gradients(apply: Callable[[Array], Array], weight: Array, b: Arra
         image = direction - apply(direction)
         energy = dot(direction, image)
         moving = energy > 0  # a finished case stands still
-        length: Array = moving * rest / jnp.where(moving, energy, 1.0)
+        length: Array = jnp.where(moving, rest, 0.0) / jnp.where(moving, energy, 1.0)
         x = x + length * direction
         residual = residual - length * image
         left = dot(residual, residual)

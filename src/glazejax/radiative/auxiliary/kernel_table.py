@@ -8,7 +8,6 @@ grows when a thicker glaze comes, and can be kept in a file.
 
 import os
 from pathlib import Path
-from typing import Self
 
 import numpy as np
 from jaxtyping import Float
@@ -127,7 +126,7 @@ class KernelTable:
         return path
 
     @classmethod
-    def load(cls, path: str | os.PathLike[str]) -> Self:
+    def load(cls, path: str | os.PathLike[str]) -> "KernelTable":
         """Read a table that `save` wrote.
 
         Raises:

@@ -50,7 +50,7 @@ class Segments(NamedTuple):
         """Segments of stacks whose number of segments is `count`, at most `most`."""
         faces = jnp.cumsum(thickness, axis=0)
         index = jnp.arange(most)[:, None]
-        edges = index * step * jnp.ones_like(faces[-1])
+        edges = index.astype(faces.dtype) * step * jnp.ones_like(faces[-1])
         # A face on an edge is in the segment below; by comparison, so that rounding cannot set the two apart.
         above = jnp.sum(faces[:, None] >= edges, axis=1, dtype=count.dtype)
         held = jnp.clip(above - 1, 0, count - 1).at[-1].set(count - 1)
@@ -75,7 +75,7 @@ class Segments(NamedTuple):
             enough, 1.0 / safe, jnp.where(present & (width > 0), 1.0 / jnp.where(width > 0, width, 1.0), 0.0)
         )
         left = share * jnp.where(enough, first.edge_albedo, 1.0)
-        right = share * jnp.where(enough, _below(first.edge_albedo), 1.0 - last)
+        right = share * jnp.where(enough, _below(first.edge_albedo), jnp.where(last, 0.0, 1.0))
         end = jnp.zeros_like(faces).at[-1].set(1.0)
         at_faces = first.at_faces(share) * jnp.where(first.at_faces(enough), first.drop, end)
         scattering = jnp.where(enough, scattering, 0.0)

@@ -31,7 +31,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from ..common.inputs import batch_of_stacks, check_choice, check_values, concrete, flat_batch
+from ..common.inputs import Numbers, batch_of_stacks, check_choice, check_values, concrete, flat_batch
 from ..common.split import Split
 from .kernel_table import MOST_SEGMENTS, KernelTable
 from .uniform_solver import Batch, GridSettings, Variant, solve
@@ -48,13 +48,13 @@ _kept: OrderedDict[tuple[float, float], KernelTable] = OrderedDict()
 
 
 def reflectance_factor(
-    albedo: Float[Any, "*batch layers"],
-    optical_thickness: Float[Any, "*batch layers"],
-    substrate_reflectance: Float[Any, "*batch"],
+    albedo: Numbers,
+    optical_thickness: Numbers,
+    substrate_reflectance: Numbers,
     *,
     refractive_index: float = 1.5,
-    cos_incidence: Float[Any, "*batch"] = 1.0,
-    cos_viewing: Float[Any, "*batch"] = 1.0,
+    cos_incidence: Numbers = 1.0,
+    cos_viewing: Numbers = 1.0,
     step: float = 0.01,
     variant: Variant = "fixed_step",
     corrected: bool = True,
@@ -72,13 +72,13 @@ def reflectance_factor(
 
 
 def split_reflectance_factor(
-    albedo: Float[Any, "*batch layers"],
-    optical_thickness: Float[Any, "*batch layers"],
-    substrate_reflectance: Float[Any, "*batch"],
+    albedo: Numbers,
+    optical_thickness: Numbers,
+    substrate_reflectance: Numbers,
     *,
     refractive_index: float = 1.5,
-    cos_incidence: Float[Any, "*batch"] = 1.0,
-    cos_viewing: Float[Any, "*batch"] = 1.0,
+    cos_incidence: Numbers = 1.0,
+    cos_viewing: Numbers = 1.0,
     step: float = 0.01,
     variant: Variant = "fixed_step",
     corrected: bool = True,

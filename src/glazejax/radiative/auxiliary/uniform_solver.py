@@ -144,17 +144,17 @@ def _collocation(batch: Batch, count: Array, vectors: tuple, settings: GridSetti
     held = jnp.where(present, count, 0)  # Q
     if settings.variant == "fixed_step":
         step = jnp.full_like(depth, settings.step)
-        depth = held * step
+        depth = held.astype(step.dtype) * step
         matrix, *rest = vectors
         matrix = assembly.toeplitz_plus_hankel(matrix, rest.pop(0))
         m, m_integrated, k = _tabulated_ground(rest, held, settings.most)
     else:
-        step = jnp.where(present, depth / count, settings.step)
+        step = jnp.where(present, depth / count.astype(depth.dtype), settings.step)
         assemble = assembly.direct if settings.variant == "direct" else assembly.decomposed
         matrix, m, m_integrated, k = assemble(step, held, settings.most, index)
     incident, viewing = (_Beam.make(c, index, depth) for c in (batch.cos_incidence, batch.cos_viewing))
     strength = incident.transmittance / (2.0 * jnp.pi * incident.cosine)
-    edges = jnp.arange(settings.most + 1)[:, None] * step
+    edges = jnp.arange(settings.most + 1, dtype=depth.dtype)[:, None] * step
     if settings.corrected:
         segments = Segments.make(batch.albedo.T, batch.thickness.T, step, count, settings.most)
         albedo = jnp.where(present, segments.scattering / step, 0.0)

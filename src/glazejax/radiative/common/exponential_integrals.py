@@ -48,7 +48,7 @@ def expn(order: int, x: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
 @functools.partial(jax.custom_jvp, nondiff_argnums=(0,))
 def _expn(order: int, x: Float[ArrayLike, "..."]) -> Float[Array, "..."]:
     x = _floating(x)
-    tiny = _tiny(x)
+    tiny = _tiny(x.dtype)
     if order == 0:
         return jnp.exp(-x) / jnp.maximum(x, tiny)
     small = x < _SPLIT
@@ -70,9 +70,9 @@ def _expn_jvp(order: int, primals, tangents):
     (x,), (dx,) = primals, tangents
     if order == 0:
         value = expn(0, x)
-        return value, -(1.0 + 1.0 / jnp.maximum(x, _tiny(x))) * value * dx
+        return value, -(1.0 + 1.0 / jnp.maximum(x, _tiny(x.dtype))) * value * dx
     # Where the slope is infinite, the largest that cannot overflow once it is multiplied.
-    return expn(order, x), -expn(order - 1, jnp.maximum(x, _tiny(x))) * dx
+    return expn(order, x), -expn(order - 1, jnp.maximum(x, _tiny(x.dtype))) * dx
 
 
 def _floating(x: ArrayLike) -> Array:
@@ -80,8 +80,8 @@ def _floating(x: ArrayLike) -> Array:
     return array if jnp.issubdtype(array.dtype, jnp.floating) else array.astype(jnp.result_type(float))
 
 
-def _tiny(x: Array) -> float:
-    return 1e-290 if x.dtype == jnp.float64 else 1e-36
+def _tiny(dtype: np.dtype) -> float:
+    return 1e-290 if dtype == jnp.float64 else 1e-36
 
 
 @functools.cache

@@ -5,11 +5,15 @@ double precision, outside the compiled program.
 """
 
 from types import ModuleType
+from typing import Any, TypeAlias
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
+
+Either: TypeAlias = Array | np.ndarray | np.floating
+"""An array of either kind, or the number that NumPy makes of one without axes."""
 
 
 def array_module(*arrays: object) -> ModuleType:
@@ -18,9 +22,9 @@ def array_module(*arrays: object) -> ModuleType:
 
 
 def cos_refracted(
-    cos_incidence: float | Float[Array | np.ndarray, "*batch"],
-    refractive_index: float | Float[Array | np.ndarray, "*batch"],
-) -> Float[Array, "*batch"]:
+    cos_incidence: float | Float[Either, "*#batch"],
+    refractive_index: float | Float[Either, "*#batch"],
+) -> Float[Any, "*batch"]:
     """Cosine inside a medium of index n >= 1 of a beam that comes from air.
 
     Snell's law, ``sin(theta_air) = n sin(theta_medium)`` (paper A, section 2). Written without the
@@ -32,9 +36,9 @@ def cos_refracted(
 
 
 def dielectric_reflectance(
-    cos_incidence: float | Float[Array | np.ndarray, "*batch"],
-    refractive_index: float | Float[Array | np.ndarray, "*batch"],
-) -> Float[Array, "*batch"]:
+    cos_incidence: float | Float[Either, "*#batch"],
+    refractive_index: float | Float[Either, "*#batch"],
+) -> Float[Any, "*batch"]:
     """Fresnel reflectance of the smooth face of a dielectric, for unpolarised light from air.
 
     By reversibility this is also the reflectance from inside at the refracted angle.
@@ -58,10 +62,10 @@ def dielectric_reflectance(
 
 
 def conductor_reflectance(
-    cos_incidence: float | Float[Array | np.ndarray, "*batch"],
-    refractive_index: float | Float[Array | np.ndarray, "*batch"],
-    extinction: float | Float[Array | np.ndarray, "*batch"],
-) -> Float[Array, "*batch"]:
+    cos_incidence: float | Float[Either, "*#batch"],
+    refractive_index: float | Float[Either, "*#batch"],
+    extinction: float | Float[Either, "*#batch"],
+) -> Float[Any, "*batch"]:
     """Fresnel reflectance of a smooth metal of complex index n + ik, for unpolarised light from air.
 
     Args:
@@ -93,9 +97,9 @@ def conductor_reflectance(
 
 
 def cook_torrance_reflectance(
-    cos_incidence: float | Float[Array | np.ndarray, "*batch"],
-    normal_reflectance: float | Float[Array | np.ndarray, "*batch"],
-) -> Float[Array, "*batch"]:
+    cos_incidence: float | Float[Either, "*#batch"],
+    normal_reflectance: float | Float[Either, "*#batch"],
+) -> Float[Any, "*batch"]:
     """Cook and Torrance's estimate: the dielectric that reflects as much at normal incidence.
 
     Args:
@@ -112,7 +116,7 @@ def cook_torrance_reflectance(
     return dielectric_reflectance(cos_incidence, (1.0 + root) / (1.0 - root))
 
 
-def hall_extinction(mean_normal_reflectance: float | Float[Array | np.ndarray, "*batch"]) -> Float[Array, "*batch"]:
+def hall_extinction(mean_normal_reflectance: float | Float[Either, "*#batch"]) -> Float[Any, "*batch"]:
     """Extinction k of the metal of index n = 1 that reflects so much at normal incidence.
 
     Args:
@@ -125,11 +129,11 @@ def hall_extinction(mean_normal_reflectance: float | Float[Array | np.ndarray, "
 
 
 def hall_reflectance(
-    cos_incidence: float | Float[Array | np.ndarray, "*batch"],
-    normal_reflectance: float | Float[Array | np.ndarray, "*batch"],
-    mean_extinction: float | Float[Array | np.ndarray, "*batch"],
-    mean_index: float | Float[Array | np.ndarray, "*batch"] = 1.0,
-) -> Float[Array, "*batch"]:
+    cos_incidence: float | Float[Either, "*#batch"],
+    normal_reflectance: float | Float[Either, "*#batch"],
+    mean_extinction: float | Float[Either, "*#batch"],
+    mean_index: float | Float[Either, "*#batch"] = 1.0,
+) -> Float[Any, "*batch"]:
     """Hall's estimate: from normal incidence to 1 along the curve of one average metal for all wavelengths.
 
     Args:

@@ -9,6 +9,7 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import ArrayLike
 
+# What callers may pass. What takes it checks shapes and values itself, and says in words what is wrong.
 Numbers: TypeAlias = ArrayLike | Sequence[Any]
 
 INDEX_RANGE = (1.0, 2.5)

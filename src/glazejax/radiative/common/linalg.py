@@ -17,15 +17,15 @@ from jaxtyping import Array, Float
 _FUSED = 12
 
 
-def product(a: Float[Array, "*batch l m"], b: Float[Array, "*batch m n"]) -> Float[Array, "*batch l n"]:
+def product(a: Float[Array, "*#batch l m"], b: Float[Array, "*#batch m n"]) -> Float[Array, "*batch l n"]:
     """Matrix product of many small matrices."""
     if a.shape[-1] <= _FUSED:
         return jnp.sum(a[..., :, :, None] * b[..., None, :, :], axis=-2)
     return matmul(a, b)
 
 
-def matmul(a: Float[Array, "*batch l m"], b: Float[Array, "*batch m n"]) -> Float[Array, "*batch l n"]:
-    """Matrix product, in full precision on an accelerator too."""
+def matmul(a: Float[Array, "... m"], b: Float[Array, "... m n"]) -> Float[Array, "... n"]:
+    """Matrix product, or a row times a matrix, in full precision on an accelerator too."""
     return jnp.matmul(a, b, precision="highest")
 
 

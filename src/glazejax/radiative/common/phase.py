@@ -26,7 +26,7 @@ def isotropic() -> Float[np.ndarray, "1"]:
     return np.ones(1)
 
 
-def henyey_greenstein(g: Float[Numbers, "*batch"], terms: int | None = None) -> Float[Array, "*batch terms"]:
+def henyey_greenstein(g: Numbers, terms: int | None = None) -> Float[Array, "*batch terms"]:
     """Moments g^l of Henyey and Greenstein's function, p = (1 - g^2)/(1 - 2 g cos T + g^2)^(3/2).
 
     Args:
@@ -38,15 +38,17 @@ def henyey_greenstein(g: Float[Numbers, "*batch"], terms: int | None = None) -> 
 
     Source: Henyey and Greenstein (1941); paper C, equation (16) with its exponent put right.
     """
-    orders = np.arange(_terms({"g": g}, terms))
+    terms = _terms({"g": g}, terms)
     with _known_under_jit(g):
-        return jnp.asarray(g, jnp.result_type(float))[..., None] ** orders
+        base = jnp.asarray(g, jnp.result_type(float))[..., None]
+        # Products, not powers: these have no slope at zero and below.
+        return jnp.cumprod(jnp.where(np.arange(terms) == 0, 1.0, base), axis=-1)
 
 
 def two_term_henyey_greenstein(
-    forward: Float[Numbers, "*batch"],
-    backward: Float[Numbers, "*batch"],
-    share: Float[Numbers, "*batch"],
+    forward: Numbers,
+    backward: Numbers,
+    share: Numbers,
     terms: int | None = None,
 ) -> Float[Array, "*batch terms"]:
     """Moments of share HG(forward) + (1 - share) HG(backward): a forward and a backward lobe.
@@ -68,9 +70,7 @@ def two_term_henyey_greenstein(
         return part * henyey_greenstein(forward, terms) + (1.0 - part) * henyey_greenstein(backward, terms)
 
 
-def tabulated(
-    cosines: Float[Numbers, "points"], values: Float[Numbers, "*batch points"], terms: int = 64
-) -> Float[Array, "*batch terms"]:
+def tabulated(cosines: Numbers, values: Numbers, terms: int = 64) -> Float[Array, "*batch terms"]:
     """Moments of a phase function given by its values, taken as linear in the cosine between them.
 
     Args:
@@ -120,7 +120,7 @@ def check_moments(moments: Numbers) -> None:
         raise ValueError(f"phase holds {known[~(np.abs(known) <= 1 + 1e-6)].flat[0]}; moments lie between -1 and 1")
 
 
-def evaluate(moments: Float[Numbers, "*batch terms"], cosine: Float[Numbers, "*batch"]) -> Float[Array, "*batch"]:
+def evaluate(moments: Numbers, cosine: Numbers) -> Float[Array, "*batch"]:
     """p(cos T) from its moments, by Clenshaw's recurrence.
 
     Args:

@@ -52,7 +52,11 @@ def graded_gauss(count: int, crowding: float | None = None) -> Nodes:
     return np.expm1(c * y**2) / scale, w * 2.0 * c * y * np.exp(c * y**2) / scale
 
 
-def split_range(refractive_index: float | Float[Array, "*batch"], outside: Nodes, below: Nodes | None) -> Directions:
+def split_range(
+    refractive_index: float | Float[Array, "*batch"],
+    outside: tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]],
+    below: tuple[Float[np.ndarray, "m"], Float[np.ndarray, "m"]] | None,
+) -> Directions:
     """Rule for the whole half range in a medium, split at the critical angle.
 
     Args:

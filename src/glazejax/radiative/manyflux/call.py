@@ -2,7 +2,7 @@
 
 import functools
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -22,7 +22,8 @@ from .solve import Layers
 # Bytes of one chunk's matrices.
 _CHUNK_BYTES = 2**22
 
-Indices = float | Sequence[float]
+Indices: TypeAlias = Numbers
+"""One for all layers, or one for each."""
 
 
 class GivenStack(NamedTuple):

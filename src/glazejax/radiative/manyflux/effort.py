@@ -52,7 +52,7 @@ def smallest_cosine(*cosines: Any) -> float:
 def choose_effort(
     tolerance: float,
     media: float | Media,
-    moments: Float[np.ndarray, "*batch layers terms"] | None,
+    moments: Float[np.ndarray, "... terms"] | None,
     terms: int,
     thickest: float | None,
     least_cosine: float,

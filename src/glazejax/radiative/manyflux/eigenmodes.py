@@ -165,6 +165,6 @@ def _cholesky(a: Array) -> Array:
         pivot = jax.lax.dynamic_index_in_dim(row, j, row.ndim - 1)
         column = jnp.where(jnp.arange(n) <= j, row, 0.0) / jnp.sqrt(pivot)
         work = work - column[..., :, None] * column[..., None, :]
-        return work, factor + column[..., :, None] * (jnp.arange(n) == j)
+        return work, factor + jnp.where(jnp.arange(n) == j, column[..., :, None], 0.0)
 
     return jax.lax.fori_loop(0, n, eliminate, (a, jnp.zeros_like(a)))[1]

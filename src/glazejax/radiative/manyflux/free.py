@@ -16,16 +16,16 @@ from .effort import Solution
 
 
 def free_factor(
-    albedo: Float[Numbers, "*batch layers"],
-    optical_thickness: Float[Numbers, "*batch layers"],
+    albedo: Numbers,
+    optical_thickness: Numbers,
     *,
     transmitted: bool,
-    phase: Float[Numbers, "*#batch #layers terms"] | None = None,
+    phase: Numbers | None = None,
     refractive_index: Indices = 1.5,
     index_below: float = 1.0,
-    cos_incidence: Float[Numbers, "*batch"] = 1.0,
-    cos_viewing: Float[Numbers, "*batch"] = 1.0,
-    azimuth: Float[Numbers, "*batch"] = 0.0,
+    cos_incidence: Numbers = 1.0,
+    cos_viewing: Numbers = 1.0,
+    azimuth: Numbers = 0.0,
     tolerance: float = 1e-6,
     streams: int | None = None,
     solution: Solution = "doubling",
@@ -54,14 +54,14 @@ def free_factor(
 
 
 def free_hemispherical(
-    albedo: Float[Numbers, "*batch layers"],
-    optical_thickness: Float[Numbers, "*batch layers"],
+    albedo: Numbers,
+    optical_thickness: Numbers,
     *,
     transmitted: bool,
-    phase: Float[Numbers, "*#batch #layers terms"] | None = None,
+    phase: Numbers | None = None,
     refractive_index: Indices = 1.5,
     index_below: float = 1.0,
-    cos_incidence: Float[Numbers, "*batch"] = 1.0,
+    cos_incidence: Numbers = 1.0,
     tolerance: float = 1e-6,
     streams: int | None = None,
     solution: Solution = "doubling",
@@ -79,11 +79,11 @@ def free_hemispherical(
 
 
 def free_diffuse(
-    albedo: Float[Numbers, "*batch layers"],
-    optical_thickness: Float[Numbers, "*batch layers"],
+    albedo: Numbers,
+    optical_thickness: Numbers,
     *,
     transmitted: bool,
-    phase: Float[Numbers, "*#batch #layers terms"] | None = None,
+    phase: Numbers | None = None,
     refractive_index: Indices = 1.5,
     index_below: float = 1.0,
     tolerance: float = 1e-6,
@@ -102,13 +102,13 @@ def free_diffuse(
 
 
 def free_regular(
-    albedo: Float[Numbers, "*batch layers"],
-    optical_thickness: Float[Numbers, "*batch layers"],
+    albedo: Numbers,
+    optical_thickness: Numbers,
     *,
-    phase: Float[Numbers, "*#batch #layers terms"] | None = None,
+    phase: Numbers | None = None,
     refractive_index: Indices = 1.5,
     index_below: float = 1.0,
-    cos_incidence: Float[Numbers, "*batch"] = 1.0,
+    cos_incidence: Numbers = 1.0,
 ) -> Float[Array, "*batch"]:
     """Share of a beam that goes straight through, with all its reflections between the surfaces.
 

@@ -22,9 +22,7 @@ class GroundTable(NamedTuple):
     """Means of factor times cos(m azimuth)."""
 
 
-def ground_table(
-    cosines: Float[Numbers, "t"], factor: Float[Numbers, "t t"] | Float[Numbers, "t t azimuths"]
-) -> GroundTable:
+def ground_table(cosines: Numbers, factor: Numbers) -> GroundTable:
     """A ground by its reflectance factor over angles, linear in the cosines between them.
 
     Args:
@@ -109,4 +107,5 @@ def _between(knots, cosines):
     place = xp.clip(xp.sum(cosines[:, None] < knots, axis=1) - 1, 0, knots.shape[0] - 2)
     share = xp.clip((knots[place] - cosines) / (knots[place] - knots[place + 1]), 0.0, 1.0)
     here = xp.arange(knots.shape[0])
-    return (here == place[:, None]) * (1.0 - share)[:, None] + (here == place[:, None] + 1) * share[:, None]
+    above = xp.where(here == place[:, None], 1.0 - share[:, None], 0.0)
+    return above + xp.where(here == place[:, None] + 1, share[:, None], 0.0)

@@ -165,14 +165,14 @@ def flux_of_beam(joined: JoinedStack, *, downward: bool = False) -> Float[Array,
 def flux_of_even_light(joined: JoinedStack, *, downward: bool = False) -> Float[Array, ""]:
     """Flux that leaves over flux of equal radiance from all directions of the air."""
     operator, leaving = _side(joined, downward)
-    entering = jnp.sqrt(joined.flux * joined.outside)
+    entering = jnp.sqrt(jnp.where(joined.outside, joined.flux, 0.0))
     return 2.0 * jnp.einsum("i,ij,j->", jnp.sqrt(leaving), operator.core[0], entering, precision="highest")
 
 
 def _side(joined: JoinedStack, downward: bool) -> tuple[Bordered, Array]:
     if downward:
-        return joined.slab.down, joined.flux * joined.beneath
-    return joined.reflection, joined.flux * joined.outside
+        return joined.slab.down, jnp.where(joined.beneath, joined.flux, 0.0)
+    return joined.reflection, jnp.where(joined.outside, joined.flux, 0.0)
 
 
 def _ways(cosines: Array, indices: np.ndarray, known_in: float) -> FollowedDirections:

@@ -22,15 +22,15 @@ from .ground import GroundTable
 
 
 def manyflux_reflectance_factor(
-    albedo: Float[Numbers, "*batch layers"],
-    optical_thickness: Float[Numbers, "*batch layers"],
-    substrate_reflectance: Float[Numbers, "*batch"],
+    albedo: Numbers,
+    optical_thickness: Numbers,
+    substrate_reflectance: Numbers,
     *,
-    phase: Float[Numbers, "*#batch #layers terms"] | None = None,
+    phase: Numbers | None = None,
     refractive_index: Indices = 1.5,
-    cos_incidence: Float[Numbers, "*batch"] = 1.0,
-    cos_viewing: Float[Numbers, "*batch"] = 1.0,
-    azimuth: Float[Numbers, "*batch"] = 0.0,
+    cos_incidence: Numbers = 1.0,
+    cos_viewing: Numbers = 1.0,
+    azimuth: Numbers = 0.0,
     tolerance: float = 1e-6,
     streams: int | None = None,
     solution: Solution = "doubling",
@@ -72,13 +72,13 @@ def manyflux_reflectance_factor(
 
 
 def manyflux_hemispherical_reflectance(
-    albedo: Float[Numbers, "*batch layers"],
-    optical_thickness: Float[Numbers, "*batch layers"],
-    substrate_reflectance: Float[Numbers, "*batch"],
+    albedo: Numbers,
+    optical_thickness: Numbers,
+    substrate_reflectance: Numbers,
     *,
-    phase: Float[Numbers, "*#batch #layers terms"] | None = None,
+    phase: Numbers | None = None,
     refractive_index: Indices = 1.5,
-    cos_incidence: Float[Numbers, "*batch"] = 1.0,
+    cos_incidence: Numbers = 1.0,
     tolerance: float = 1e-6,
     streams: int | None = None,
     solution: Solution = "doubling",
@@ -98,11 +98,11 @@ def manyflux_hemispherical_reflectance(
 
 
 def manyflux_diffuse_reflectance(
-    albedo: Float[Numbers, "*batch layers"],
-    optical_thickness: Float[Numbers, "*batch layers"],
-    substrate_reflectance: Float[Numbers, "*batch"],
+    albedo: Numbers,
+    optical_thickness: Numbers,
+    substrate_reflectance: Numbers,
     *,
-    phase: Float[Numbers, "*#batch #layers terms"] | None = None,
+    phase: Numbers | None = None,
     refractive_index: Indices = 1.5,
     tolerance: float = 1e-6,
     streams: int | None = None,
@@ -121,15 +121,15 @@ def manyflux_diffuse_reflectance(
 
 
 def brdf_table(
-    albedo: Float[Numbers, "*batch layers"],
-    optical_thickness: Float[Numbers, "*batch layers"],
-    substrate_reflectance: Float[Numbers, "*batch"],
+    albedo: Numbers,
+    optical_thickness: Numbers,
+    substrate_reflectance: Numbers,
     *,
-    phase: Float[Numbers, "*#batch #layers terms"] | None = None,
+    phase: Numbers | None = None,
     refractive_index: Indices = 1.5,
-    cos_incidence: Float[Numbers, "incidence"],
-    cos_viewing: Float[Numbers, "viewing"],
-    azimuth: Float[Numbers, "azimuths"] = (0.0,),
+    cos_incidence: Numbers,
+    cos_viewing: Numbers,
+    azimuth: Numbers = (0.0,),
     tolerance: float = 1e-6,
     streams: int | None = None,
     solution: Solution = "doubling",

@@ -17,7 +17,7 @@ from .bordered import Bordered, Diagonal
 def sine(cosine: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
     """Sine of an angle with that cosine; its slope, infinite at normal incidence, is taken as zero there."""
     squared = jnp.maximum(1.0 - cosine * cosine, 0.0)
-    return jnp.sqrt(jnp.where(squared > 0, squared, 1.0)) * (squared > 0)
+    return jnp.sqrt(jnp.where(squared > 0, squared, 1.0)) * (squared > 0).astype(squared.dtype)
 
 
 def associated_legendre(
@@ -64,16 +64,16 @@ def azimuth_waves(azimuth: Float[Array, "k"], modes: int) -> Float[Array, "modes
         azimuth: radians, (k,).
         modes: number of orders m.
     """
-    m = np.arange(modes)[:, None]
-    return jnp.cos(m * azimuth) * np.where(m == 0, 1.0, 2.0)
+    m = jnp.arange(modes, dtype=azimuth.dtype)[:, None]
+    return jnp.cos(m * azimuth) * jnp.where(m == 0, 1.0, 2.0)
 
 
 def scattering(
-    moments: Float[Array, "*batch terms"],
-    nodes: Float[Array, "*batch modes terms n"],
-    viewing: Float[Array, "*batch modes terms v"],
-    incidence: Float[Array, "*batch modes terms i"],
-    roots: Float[Array, "*batch n"],
+    moments: Float[Array, "*#batch terms"],
+    nodes: Float[Array, "*#batch modes terms n"],
+    viewing: Float[Array, "*#batch modes terms v"],
+    incidence: Float[Array, "*#batch modes terms i"],
+    roots: Float[Array, "*#batch n"],
 ) -> tuple[Float[Array, "*batch modes n+v n+i"], Float[Array, "*batch modes n+v n+i"]]:
     """Halved sum and difference of forward and backward scattering, C_even = (C+ + C-)/2 and C_odd = (C+ - C-)/2.
 
@@ -98,7 +98,8 @@ def scattering(
     factors = ((2.0 * np.arange(terms) + 1.0) * moments)[..., None, :, None]
 
     def part(wanted: np.ndarray) -> Array:
-        return matmul(transposed(down * factors * wanted[..., None]), across * wanted[..., None])
+        kept = jnp.asarray(wanted, factors.dtype)[..., None]
+        return matmul(transposed(down * factors * kept), across * kept)
 
     c_even, c_odd = part(even), part(~even)
     zeroth = c_even[..., 0, :, :]
@@ -119,9 +120,9 @@ def scattering(
 
 
 def rates(
-    albedo: Float[Array, "*batch"],
-    even: Float[Array, "*batch n+v n+i"],
-    odd: Float[Array, "*batch n+v n+i"],
+    albedo: Float[Array, "*#batch"],
+    even: Float[Array, "*#batch rows columns"],
+    odd: Float[Array, "*#batch rows columns"],
     cosines: Diagonal,
 ) -> tuple[Bordered, Bordered]:
     """Operators A, B of u' = -A v, v' = -B u for u, v the sum and difference of down- and upward sqrt(mu w) I.
@@ -130,7 +131,7 @@ def rates(
 
     Args:
         albedo: q, (...).
-        even, odd: from `scattering`.
+        even, odd: from `scattering`, (..., n + v, n + i).
         cosines: of nodes (..., n), directions of viewing (..., v) and of incidence (..., i).
     """
     mu, viewing, incidence = cosines

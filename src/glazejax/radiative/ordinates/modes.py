@@ -139,7 +139,7 @@ def _from_table(albedo: Array, table: _Table) -> Array:
     each = table.coefficients.shape[1] // _PIECES
     values = polynomials @ jnp.asarray(table.coefficients, albedo.dtype)
     values = values.reshape(*albedo.shape, _PIECES, each)
-    here = (piece[..., None] == np.arange(_PIECES)).astype(albedo.dtype)
+    here = (piece[..., None] == jnp.arange(_PIECES, dtype=albedo.dtype)).astype(albedo.dtype)
     return jnp.sum(values * here[..., None], axis=-2)
 
 

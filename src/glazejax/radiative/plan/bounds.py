@@ -15,7 +15,7 @@ J <= g(0) Psi/(1 - eta). Two such functions do:
 from typing import NamedTuple
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 # Rates from 0 to almost 1, by which kappa(q) is rounded down. A rate of one would make radiances unbounded.
 _RATES = np.concatenate([np.linspace(0.0, 0.98, 1500), 1.0 - np.geomspace(0.02, 1e-4, 200)[1:]])
@@ -58,7 +58,7 @@ def hidden_below(
     incidence: End,
     viewing: End,
     tolerance: float,
-) -> tuple[Float[np.ndarray, "stacks"], Bool[np.ndarray, "stacks"]]:
+) -> tuple[Int[np.ndarray, "stacks"], Bool[np.ndarray, "stacks"]]:
     """How many layers of each stack can be seen.
 
     Args:

@@ -91,7 +91,7 @@ class Plan:
     """Stacks that have to be computed, and how the full result follows from them. Made by `plan_stacks`."""
 
     _rows: Rows
-    _groups: list[tuple[int, Int[np.ndarray, "group"]]]
+    _groups: list[tuple[int, Int[np.ndarray, "_"]]]
     _closed: Int[np.ndarray, "closed"]
     _inverse: Int[np.ndarray, "computed"]  # for each computed entry, its row
     _computed: Int[np.ndarray, "computed"]  # the entries, of the flattened batch
@@ -160,17 +160,17 @@ class Plan:
 
 
 def plan_stacks(
-    albedo: Float[Numbers, "*batch layers"],
-    optical_thickness: Float[Numbers, "*batch layers"],
-    substrate_reflectance: Float[Numbers, "*batch"],
+    albedo: Numbers,
+    optical_thickness: Numbers,
+    substrate_reflectance: Numbers,
     *,
-    refractive_index: float | Float[Numbers, "*batch"] = 1.5,
-    cos_incidence: Float[Numbers, "*batch"] = 1.0,
-    cos_viewing: Float[Numbers, "*batch"] | None = 1.0,
+    refractive_index: Numbers = 1.5,
+    cos_incidence: Numbers = 1.0,
+    cos_viewing: Numbers | None = 1.0,
     tolerance: float = 1e-6,
     savings: Savings = ALL,
-    band_weights: Float[Numbers, "bands channels"] | None = None,
-    wanted: Bool[Numbers, "*batch"] | None = None,
+    band_weights: Numbers | None = None,
+    wanted: Numbers | None = None,
 ) -> Plan:
     """Decide what of a batch of stacks has to be computed.
 

@@ -104,7 +104,7 @@ def cut(rows: Rows, tolerance: float) -> tuple[Rows, Bool[np.ndarray, "stacks"]]
     return kept, hidden & (rows.ground > 0)
 
 
-def pieces(members: Int[np.ndarray, "members"]) -> list[Int[np.ndarray, "piece"]]:
+def pieces(members: Int[np.ndarray, "members"]) -> list[Int[np.ndarray, "_"]]:
     """As many at a time as the closed form's quadrature should hold."""
     return [members[i : i + _PIECE] for i in range(0, members.size, _PIECE)]
 
