@@ -1,7 +1,7 @@
 """Smooth interfaces, of dielectrics and of metals, for unpolarised light.
 
 The functions take numpy or JAX arrays and answer in kind, so that tables for a fixed index are made once, in
-double precision, outside the compiled program.
+double precision, outside the compiled program. `Any` in what they return stands for that kind.
 """
 
 from types import ModuleType
