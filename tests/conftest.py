@@ -29,7 +29,7 @@ jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
 # counts as a float, as for type checkers (PEP 484).
 if os.environ.get("GLAZEJAX_CHECK_TYPES", "1") != "0":
     jaxtyping.install_import_hook(
-        ["glazejax", *(f"glazefit.{room}" for room in ("film", "recover", "identify", "recipe"))],
+        ["glazejax", "glazefit"],
         "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))",
     )
 
@@ -47,9 +47,9 @@ _MUCH_MEMORY = 1.2e9
 
 
 @pytest.fixture(autouse=True)
-def _dtypes_are_said(request):
-    """No dtype becomes another by itself in the forward package; the inverse tasks are not there yet."""
-    with jax.numpy_dtype_promotion("standard" if "fitting" in request.path.parts[-3:] else "strict"):
+def _dtypes_are_said():
+    """No dtype becomes another by itself."""
+    with jax.numpy_dtype_promotion("strict"):
         yield
 
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Real
 
 from .extras import require
 from .io.outputs import check_output
@@ -80,6 +80,6 @@ def check_picture(path: str | Path, *, overwrite: bool = False) -> Path:
     return check_output(path, overwrite=overwrite)
 
 
-def hex_colour(rgb: Float[Array | np.ndarray, "3"] | Sequence[float]) -> str:
+def hex_colour(rgb: Real[Array | np.ndarray, "3"] | Sequence[float]) -> str:
     """Encoded sRGB in [0, 1] as #rrggbb."""
     return "#" + "".join(f"{round(float(np.clip(c, 0, 1)) * 255):02x}" for c in rgb)

@@ -67,5 +67,5 @@ def reflectance(
             raise TypeError(f"geometry must be Bidirectional or Hemispherical, not {type(geometry).__name__}")
     if not geometry.specular:
         return diffuse
-    surface = dielectric_reflectance(jnp.asarray(geometry.cos_incidence), jnp.asarray(n))
+    surface: Array = dielectric_reflectance(jnp.asarray(geometry.cos_incidence), jnp.asarray(n))
     return diffuse + jnp.where(geometry.sees_surface, surface, 0.0)

@@ -86,7 +86,7 @@ def test_gamut_is_named():
         np.testing.assert_array_equal(found.rgb[0], display.to_rgb(np.array(inside)).rgb)
     with pytest.raises(ValueError, match=r"2 of 3 colours lie outside sRGB, the first with XYZ \[0.1"):
         display.to_rgb(xyz, gamut="error")
-    assert not display.to_rgb(np.array([inside]), gamut="error").outside[0]
+    assert not np.any(display.to_rgb(np.array([inside]), gamut="error").outside)
     with pytest.raises(ValueError, match="gamut is 'squash'"):
         display.to_rgb(xyz, gamut="squash")  # pyright: ignore[reportArgumentType]
 

@@ -62,7 +62,7 @@ def test_the_table_holds_the_reflectance_factor(table):
     fields = measured_fields(table, WAVELENGTHS, angles=8, resolution=9)
     # Half vector along the normal: light and eye at the same angle.
     for k in (0, 3, 5):
-        cosine = np.cos(fields["theta_i"][k])
+        cosine = float(np.cos(fields["theta_i"][k]))
         exact = np.asarray(table.reflectance_factor(cosine, cosine)) * cosine / np.pi
         np.testing.assert_allclose(fields["spectra"][0, k, :, 4, 0], exact, rtol=1e-5)
     assert (fields["luminance"] > 0).all()

@@ -25,6 +25,7 @@ def asked(function) -> list[str]:
     return [p.name for p in inspect.signature(function).parameters.values() if p.kind is p.KEYWORD_ONLY]
 
 
+@pytest.mark.usefixtures("unchecked")  # objects stand for what is given
 def test_identify_hands_on_all_that_it_is_given(monkeypatch):
     def stop(*_, **named):
         raise Reached(named)
@@ -36,6 +37,7 @@ def test_identify_hands_on_all_that_it_is_given(monkeypatch):
     assert reached.value.given == given
 
 
+@pytest.mark.usefixtures("unchecked")  # objects stand for what is given
 def test_identify_films_hands_on_all_that_it_is_given(monkeypatch):
     def stop(*_, **named):
         raise Reached(named)

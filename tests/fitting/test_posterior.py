@@ -192,7 +192,7 @@ def test_likelihood_is_the_gaussian_it_is_said_to_be():
             absorption=data.absorption * np.exp(data.shift[:, 0])[..., None],
             scattering=data.scattering * np.exp(data.shift[:, 1])[..., None],
         )
-        mean = np.asarray(problem.fitted(point, jax.tree.map(lambda a: a[0], shifted), problem.shared))
+        mean = np.asarray(problem.fitted(jnp.asarray(point), jax.tree.map(lambda a: a[0], shifted), problem.shared))
         off = (films[0].reflectance - mean - np.asarray(data.offset[0])).ravel()
         covariance = root @ root.T + np.exp(2 * point[-1]) * part @ part.T
         expected.append(-0.5 * (off @ np.linalg.solve(covariance, off) + np.linalg.slogdet(covariance)[1]))

@@ -178,7 +178,7 @@ def test_more_paints_and_more_coats_come_nearer():
         ((50, 0, 0), {"thickness": (1, 50)}, "must ascend"),
         ((50, 0, 0), {"thickness": (5e-6, 1e-6)}, "must ascend"),
         ((50, 0, 0), {"ground": 90}, "must lie in"),
-        ((50, 0, 0), {"ground": [0.5, 0.5]}, "shape"),
+        ((50, 0, 0), {"ground": np.array([0.5, 0.5])}, "shape"),
         ((50, 0, 0), {"illuminants": ("A",)}, "is given under D65, not under A"),
         ((50, 0, 0), {"metamerism": -1}, "metamerism is -1"),
         ((50, 0, 0), {"refractive_index": 3.0}, "refractive index 3"),

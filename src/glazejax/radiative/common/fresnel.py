@@ -1,11 +1,11 @@
 """Smooth interfaces, of dielectrics and of metals, for unpolarised light.
 
 The functions take numpy or JAX arrays and answer in kind, so that tables for a fixed index are made once, in
-double precision, outside the compiled program.
+double precision, outside the compiled program. `Any` in what they return stands for that kind.
 """
 
 from types import ModuleType
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -24,7 +24,7 @@ def array_module(*arrays: object) -> ModuleType:
 def cos_refracted(
     cos_incidence: float | Float[Either, "*#batch"],
     refractive_index: float | Float[Either, "*#batch"],
-) -> Float[Either, "*batch"]:
+) -> Float[Any, "*batch"]:
     """Cosine inside a medium of index n >= 1 of a beam that comes from air.
 
     Snell's law, ``sin(theta_air) = n sin(theta_medium)`` (paper A, section 2). Written without the
@@ -38,7 +38,7 @@ def cos_refracted(
 def dielectric_reflectance(
     cos_incidence: float | Float[Either, "*#batch"],
     refractive_index: float | Float[Either, "*#batch"],
-) -> Float[Either, "*batch"]:
+) -> Float[Any, "*batch"]:
     """Fresnel reflectance of the smooth face of a dielectric, for unpolarised light from air.
 
     By reversibility this is also the reflectance from inside at the refracted angle.
@@ -65,7 +65,7 @@ def conductor_reflectance(
     cos_incidence: float | Float[Either, "*#batch"],
     refractive_index: float | Float[Either, "*#batch"],
     extinction: float | Float[Either, "*#batch"],
-) -> Float[Either, "*batch"]:
+) -> Float[Any, "*batch"]:
     """Fresnel reflectance of a smooth metal of complex index n + ik, for unpolarised light from air.
 
     Args:
@@ -99,7 +99,7 @@ def conductor_reflectance(
 def cook_torrance_reflectance(
     cos_incidence: float | Float[Either, "*#batch"],
     normal_reflectance: float | Float[Either, "*#batch"],
-) -> Float[Either, "*batch"]:
+) -> Float[Any, "*batch"]:
     """Cook and Torrance's estimate: the dielectric that reflects as much at normal incidence.
 
     Args:
@@ -116,7 +116,7 @@ def cook_torrance_reflectance(
     return dielectric_reflectance(cos_incidence, (1.0 + root) / (1.0 - root))
 
 
-def hall_extinction(mean_normal_reflectance: float | Float[Either, "*#batch"]) -> Float[Either, "*batch"]:
+def hall_extinction(mean_normal_reflectance: float | Float[Either, "*#batch"]) -> Float[Any, "*batch"]:
     """Extinction k of the metal of index n = 1 that reflects so much at normal incidence.
 
     Args:
@@ -133,7 +133,7 @@ def hall_reflectance(
     normal_reflectance: float | Float[Either, "*#batch"],
     mean_extinction: float | Float[Either, "*#batch"],
     mean_index: float | Float[Either, "*#batch"] = 1.0,
-) -> Float[Either, "*batch"]:
+) -> Float[Any, "*batch"]:
     """Hall's estimate: from normal incidence to 1 along the curve of one average metal for all wavelengths.
 
     Args:
