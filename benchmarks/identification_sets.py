@@ -1,5 +1,7 @@
 """Identification of other people's paints: Kimera masstones, the RRT panel, and HypPigments across shades."""
 
+import csv
+
 import numpy as np
 
 from benchmarks.measured import measured_data
@@ -98,6 +100,44 @@ def hyppigments(results: Results) -> None:
     results("  Patches of one card share a ripple of their scan: part of the first lines rests on it,")
     results("  less of the smoothed.")
     results("  'Within its card' seeks among the patches of the same card only, where the ripple says nothing.")
+
+
+def hyppigments_across_cards(results: Results) -> None:
+    """The same pigment number on another card, with all patches of the own card taken away: its ripple says nothing."""
+    folder = measured_data("hyppigments")
+    table = read_spectra(folder / "speclib_averages.hdr")
+    spectra = table.reflectance.reshape(398, 4, -1)
+    names = [name.rpartition("_")[0] for name in table.names[::4]]
+    with (folder / "pigmentlist.csv").open(newline="", encoding="utf-8") as file:
+        numbers = {row["fid"]: row["pnum"] for row in csv.DictReader(file)}
+    pigment = np.array([numbers[name] for name in names])
+    card = np.array([name.rpartition("_")[0] for name in names])
+    elsewhere = card[:, None] != card
+    known = np.flatnonzero(((pigment[:, None] == pigment) & elsewhere).any(axis=1))
+    results(
+        "HypPigments across cards: each shade is sought among the patches of all other cards, shade 1 to 4 and mean"
+    )
+    slopes = np.diff(-np.log(np.maximum(spectra, 4e-3)), axis=-1)
+    library = ShadeLibrary(names, table.wavelengths, spectra)
+    ways = {
+        "nearest spectral angle": lambda shade: _cosine(spectra[known, shade], spectra),
+        "angle of the slope of -log R": lambda shade: _cosine(slopes[known, shade], slopes),
+        "offset and strength free": lambda shade: -library.match(spectra[known, shade]).misfit,
+    }
+    for words, score in ways.items():
+        rates = []
+        for shade in range(4):
+            best = np.where(elsewhere[known], score(shade), -np.inf).argmax(axis=1)
+            rates.append(float(np.mean(pigment[best] == pigment[known])))
+        cells = " ".join(f"{rate:.3f}" for rate in rates)
+        results(f"  {words:<30} {cells}   {np.mean(rates):.3f}  ({len(known)} patches with their number elsewhere)")
+
+
+def _cosine(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Largest cosine between spectra and any shade of the patches, (spectra, patches)."""
+    unit = one / np.linalg.norm(one, axis=-1, keepdims=True)
+    known = other / np.linalg.norm(other, axis=-1, keepdims=True)
+    return np.max(np.einsum("nb,psb->nps", unit, known), axis=-1)
 
 
 def _blurred(spectra: np.ndarray, bands: float) -> np.ndarray:
