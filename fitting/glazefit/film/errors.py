@@ -105,7 +105,7 @@ class Prior:
     thickness: float = 25e-6
     spread: float = 0.7
     concentration: float = 0.4
-    sizes: tuple[float, ...] = (0.4, 0.5, 0.1)
+    sizes: tuple[float, ...] = (0.4, 0.57, 0.03)
     stacked: float = 0.3
     extender: float = 0.1
     unknown: float = 0.4
