@@ -328,8 +328,9 @@ class Identification:
         name = self.measured.names[row]
         if not self.explained[row]:
             return f"{name}: {self.unexplained(row)}"
-        best = self.ranked(row, 1)[0]
-        return f"{name}: {best.words} (probability {best.probability:.0%})"
+        best, (_, chance) = self.ranked(row, 1)[0], self.families(row)[0]
+        more = f"; these pigments {chance:.0%}" if chance > best.probability + 0.05 else ""
+        return f"{name}: {best.words} (probability {best.probability:.0%}{more})"
 
     def unexplained(self, row: int) -> str:
         """Why nothing explains a spectrum."""
