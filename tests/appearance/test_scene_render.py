@@ -326,6 +326,7 @@ def test_scenes_that_cannot_be(change, words):
         replace(still_life(), **change)
 
 
+@pytest.mark.usefixtures("unchecked")
 @pytest.mark.parametrize(
     ("make", "words"),
     [
@@ -335,11 +336,7 @@ def test_scenes_that_cannot_be(change, words):
         (lambda: Plane("m", size=(1, 0)), "size must be a number above 0"),
         (lambda: Mesh("m", np.eye(3), np.array([[0, 1, -1]])), "a face names vertex -1, but they are 0 to 2"),
         (lambda: Mesh("m", np.eye(3), np.array([[0, 1, 3]])), "a face names vertex 3, but they are 0 to 2"),
-        pytest.param(
-            lambda: Mesh("m", np.eye(3), np.array([[0, 1, 1.5]])),
-            "faces must be whole numbers",
-            marks=pytest.mark.usefixtures("unchecked"),
-        ),
+        (lambda: Mesh("m", np.eye(3), np.array([[0, 1, 1.5]])), "faces must be whole numbers"),
         (lambda: Conductor(0.3, 3.0, -5.0), r"roughness must be 0 \(polished\) to 60 degrees, not -5"),
         (lambda: Camera((0, 0, 1), (0, 0, 0)), "looks along its up"),
         (lambda: Camera((0, 0, 0), (0, 0, 0)), "target"),
