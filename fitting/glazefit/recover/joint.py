@@ -37,7 +37,7 @@ from .joint_solver import JointSteps, covariance, draw, factorise, normal_matrix
 
 MAX_STEPS = 100
 # Kept with a recovery, for the errors of what it predicts.
-DRAWS = 64
+DRAWS = 128
 # Logarithms of coefficients start far off; undamped first steps would throw some to where nothing has a slope.
 _FIRST_STEP = 1e-4
 # In units of a logarithm, and relative for the residuals: a thousandth of a coefficient.

@@ -1,6 +1,7 @@
 """What a joint recovery found: paints, films, and how well each is known."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -12,6 +13,10 @@ from ..film.mixing import MixingLaw
 from .joint_problem import Expectations, Unknowns
 from .result import FittedFilms, delta_e_over_cards
 
+MODES = 32
+"""Error modes that a pigment of a joint fit carries."""
+MOST_ERROR = 0.5
+"""Largest standard deviation of log k or log s in error modes."""
 RELATIVE_LIMIT = 0.5
 RULE = f"k and s count as told apart where the joint fit knows each to {RELATIVE_LIMIT:.0%} of its value"
 
@@ -53,6 +58,10 @@ class JointRecovery(FittedFilms):
     instrument: Instrument
     steps: int
     converged: bool
+
+    @cached_property
+    def _modes(self) -> Float[np.ndarray, "modes 2 paints bands"]:
+        return self.error_modes()
 
     @property
     def wavelengths(self) -> Float[np.ndarray, "bands"]:
@@ -112,6 +121,19 @@ class JointRecovery(FittedFilms):
         """Paints of a film, by number, and the share of each, in the order of `paints`."""
         return {self.paints[p]: float(share) for p, share in enumerate(self.shares[film]) if share > 0}
 
+    def error_modes(self, count: int = MODES) -> Float[np.ndarray, "modes 2 paints bands"]:
+        """What the films leave open in log k and log s of all paints together, as the largest modes of the draws.
+
+        A coefficient that is known worse than to a factor of exp(`MOST_ERROR`) counts as known to that: errors are
+        used to first order, which says nothing beyond.
+        """
+        off = self.draws.bands - self.unknowns.bands
+        off = off * np.minimum(1.0, MOST_ERROR / np.maximum(off.std(axis=0), 1e-12))
+        off = off.reshape(len(off), len(self.wavelengths), 2, len(self.paints)).transpose(0, 2, 3, 1)
+        _, size, shapes = np.linalg.svd(off.reshape(len(off), -1) / np.sqrt(len(off)), full_matrices=False)
+        modes = size[:count, None] * shapes[:count]
+        return modes.reshape(-1, 2, len(self.paints), len(self.wavelengths))
+
     def row(self, paint: str) -> int:
         """Number of a paint.
 
@@ -134,6 +156,7 @@ class JointRecovery(FittedFilms):
             identifiable=self.identifiable[row],
             absorption_sd=k * self.log_sd[0, row],
             scattering_sd=s * self.log_sd[1, row],
+            error_modes=self._modes[:, :, row],
             provenance=provenance,
         )
 

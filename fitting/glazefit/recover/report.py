@@ -229,7 +229,13 @@ def write_joint_pigments(recovery: JointRecovery, thickness: float, path: Path, 
     """Write k and s in 1/m for a pure film of unit relative thickness this thick (m), a line a paint and wavelength."""
     k, s = recovery.absorption / thickness, recovery.scattering / thickness
     rows = _band_rows(recovery.paints, recovery.wavelengths, [k, s, k * recovery.log_sd[0], s * recovery.log_sd[1]])
-    write_table(path, PIGMENT_COLUMNS, _flagged(rows, recovery.identifiable), overwrite=overwrite)
+    modes = recovery.error_modes()
+    # (paints, bands, 2 modes): of log k, then of log s.
+    numbers = np.moveaxis(modes, (2, 3), (0, 1)).transpose(0, 1, 3, 2).reshape(-1, 2 * len(modes))
+    titles = [f"{what}_mode_{i + 1}" for what in "ks" for i in range(len(modes))]
+    flagged = _flagged(rows, recovery.identifiable)
+    joined = ((*row, *(f"{value:.3g}" for value in more)) for row, more in zip(flagged, numbers, strict=True))
+    write_table(path, (*PIGMENT_COLUMNS, *titles), joined, overwrite=overwrite)
 
 
 def write_joint_films(recovery: JointRecovery, path: Path, *, overwrite: bool = False) -> None:

@@ -51,6 +51,16 @@ def _check_range(name: str, values: Numbers, low: float, high: float, hint: str 
         raise ValueError(f"{name} must be {bounds}, not {value:g}{hint if value > high else ''}")
 
 
+def _legal_modes(name: str, modes: Numbers, bands: int) -> Float[Array, "modes 2 bands"]:
+    values = as_array(modes)
+    if values.ndim != 3 or values.shape[1:] != (2, bands):
+        raise ValueError(f"error_modes of {name!r} have shape {values.shape}; they must be (modes, 2, {bands})")
+    known = concrete(values)
+    if known is not None and not np.all(np.isfinite(known)):
+        raise ValueError(f"error_modes of {name!r} must be finite")
+    return as_float_array(values)
+
+
 class Pigment(eqx.Module):
     """One paint: how strongly it absorbs and scatters at every wavelength.
 
@@ -63,6 +73,9 @@ class Pigment(eqx.Module):
             not, only their ratio is known. None if not stated.
         absorption_sd: (..., bands), standard deviation of k in 1/m, or None.
         scattering_sd: (..., bands), standard deviation of s in 1/m, or None.
+        error_modes: (modes, 2, bands), what the data leave open in log k and log s: with z standard normal, k exp(z
+            error_modes[:, 0]) and s exp(z error_modes[:, 1]) are as likely as k and s. Pigments of the same provenance
+            share z: their errors are correlated. None if not stated.
         phase: Legendre moments of the phase function (`glazejax.radiative.phase`), (terms,) or (bands, terms); None
             is isotropic scattering.
         provenance: where the numbers come from, and the assumed thickness if they rest on one.
@@ -76,6 +89,7 @@ class Pigment(eqx.Module):
     scattering: Float[Array, "*batch bands"]
     absorption_sd: Float[Array, "*batch bands"] | None
     scattering_sd: Float[Array, "*batch bands"] | None
+    error_modes: Float[Array, "modes 2 bands"] | None
     phase: Float[Array, "*bands terms"] | None
     provenance: str = eqx.field(static=True)
     # Tuples, because what is static must be hashable, and booleans as leaves would break jax.grad.
@@ -92,6 +106,7 @@ class Pigment(eqx.Module):
         identifiable: Grid | None = None,
         absorption_sd: Spectra | None = None,
         scattering_sd: Spectra | None = None,
+        error_modes: Numbers | None = None,
         phase: Numbers | None = None,
         provenance: str = "",
     ):
@@ -112,6 +127,7 @@ class Pigment(eqx.Module):
         self.scattering = spectrum("scattering", scattering)
         self.absorption_sd = None if absorption_sd is None else spectrum("absorption_sd", absorption_sd)
         self.scattering_sd = None if scattering_sd is None else spectrum("scattering_sd", scattering_sd)
+        self.error_modes = None if error_modes is None else _legal_modes(name, error_modes, grid.size)
         self.phase = None if phase is None else legal_phase(repr(name), phase, grid.size)
         self.provenance = provenance
         self._grid = tuple(grid.tolist())
@@ -161,6 +177,7 @@ class Pigment(eqx.Module):
             identifiable=None if self.identifiable is None else ~np.any(matrix[~self.identifiable] > 0, axis=0),
             absorption_sd=at(self.absorption_sd),
             scattering_sd=at(self.scattering_sd),
+            error_modes=at(self.error_modes),
             phase=phase,
             provenance=self.provenance,
         )

@@ -2,15 +2,19 @@
 
 import csv
 import math
+import re
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
+
+import numpy as np
 
 from ..io.source import Source, opened, shown
 from .media import Pigment
 
 _NEEDED = ("pigment", "wavelength_nm", "absorption", "scattering")
 _OPTIONAL = ("absorption_sd", "scattering_sd", "identifiable")
+_MODE = re.compile(r"[ks]_mode_[0-9]+")
 _TRUTH = {"true": True, "1": True, "yes": True, "false": False, "0": False, "no": False}
 # Columns of one pigment by title, in the order of the file; `identifiable` holds booleans.
 _Columns = dict[str, list[float]]
@@ -23,8 +27,9 @@ def read_pigments(path: str | Path, provenance: str = "") -> dict[str, Pigment]:
     """Read pigments from a CSV file.
 
     Columns, in any order and found by their titles: pigment, wavelength_nm, absorption (k, 1/m), scattering
-    (s, 1/m), and optionally absorption_sd, scattering_sd (1/m) and identifiable (true or false). Other columns
-    are left alone; lines that start with # are kept as the pigments' provenance, unless another is given.
+    (s, 1/m), and optionally absorption_sd, scattering_sd (1/m), identifiable (true or false), and error modes of
+    log k and log s, k_mode_1, k_mode_2, ... and as many s_mode (see `Pigment`). Other columns are left alone; lines that
+    start with # are kept as the pigments' provenance, unless another is given.
 
     Returns:
         name -> pigment, in the order of the file.
@@ -75,8 +80,8 @@ def _add(pigments: dict[str, _Columns], error: _Refusal, row: dict[str, str]) ->
     columns = pigments.setdefault(name, {})
     for title in _NEEDED[1:]:
         columns.setdefault(title, []).append(_number(error, row, title))
-    for title in ("absorption_sd", "scattering_sd"):
-        if title in row:
+    for title in row:
+        if title in ("absorption_sd", "scattering_sd") or _MODE.fullmatch(title):
             # A standard deviation may be missing or infinite where a coefficient is not identifiable.
             columns.setdefault(title, []).append(_maybe(row[title]))
     if "identifiable" in row:
@@ -101,6 +106,15 @@ def _maybe(cell: str) -> float:
         return math.nan
 
 
+def _modes(columns: _Columns) -> np.ndarray | None:
+    """Error modes, (modes, 2, bands); None if the table has none, not as many of s as of k, or cells that are empty."""
+    titles = [[title for title in columns if title.startswith(f"{what}_mode_")] for what in "ks"]
+    if not titles[0] or len(titles[0]) != len(titles[1]):
+        return None
+    modes = np.array([[columns[title] for title in half] for half in titles]).swapaxes(0, 1)
+    return modes if np.all(np.isfinite(modes)) else None
+
+
 def _pigment(source: Source, name: str, columns: _Columns, provenance: str) -> Pigment:
     def known(title: str) -> list[float] | None:
         values = columns.get(title, [])
@@ -113,6 +127,7 @@ def _pigment(source: Source, name: str, columns: _Columns, provenance: str) -> P
             absorption_sd=known("absorption_sd"),
             scattering_sd=known("scattering_sd"),
             identifiable=columns.get("identifiable"),
+            error_modes=_modes(columns),
             provenance=provenance or f"from {source.path}",
         )
     except ValueError as error:
