@@ -17,7 +17,7 @@ from .response import ground_below
 
 Spectra = Float[np.ndarray, "films bands"]
 SPECTRA = ("bare_black", "bare_white", "over_black", "over_white")
-_FLAGS = ("seen", "assumed", "opaque")
+FLAGS = ("seen", "assumed", "opaque")
 _BY_DEFAULT: Any = None
 
 
@@ -86,7 +86,8 @@ class Films:
             twice = next(name for name in self.names if self.names.count(name) > 1)
             raise ValueError(f"two films are called {twice!r}; names must differ")
         count = len(self.names)
-        for what, usual in (("seen", np.ones((count, 2))), ("assumed", np.zeros((count, 2))), ("opaque", np.zeros(count))):
+        usually = {"seen": np.ones((count, 2)), "assumed": np.zeros((count, 2)), "opaque": np.zeros(count)}
+        for what, usual in usually.items():
             flags = getattr(self, what)
             flags = np.asarray(usual if flags is _BY_DEFAULT else flags, dtype=bool)
             object.__setattr__(self, what, flags)
@@ -122,7 +123,7 @@ class Films:
     def take(self, rows: Sequence[int] | slice) -> Self:
         """Some of the films, by number."""
         index = np.arange(len(self))[rows]
-        pick = {what: getattr(self, what)[index] for what in (*SPECTRA, *_FLAGS)}
+        pick = {what: getattr(self, what)[index] for what in (*SPECTRA, *FLAGS)}
         return replace(self, names=tuple(self.names[i] for i in index), **pick)
 
     @property

@@ -14,6 +14,9 @@ from .films import Films, Noise
 MOST = 0.02
 """Largest standard deviation that roughness is taken for; beyond, spectra have structure that is no noise."""
 
+COARSE = 12.0
+"""Step in nm from which spectra of paint are rough themselves: no noise is told from them."""
+
 _ORDER = 6
 _FREEDOM = 4.0
 # Readings at which an estimate is held to what it may be at least: a black and a white card's.
@@ -30,6 +33,8 @@ def estimate_noise(films: Films, least: Noise | None = None) -> Noise:
         least: what it is at least, by default `Noise()`: errors that all bands share do not show as roughness.
     """
     least = least or Noise()
+    if films.wavelengths.size < 2 or np.median(np.diff(films.wavelengths)) > COARSE:
+        return least
     rough = [roughness(films.wavelengths, spectra) for spectra in films.readings()]
     rough = [part for part in rough if part[0].size]
     if not rough:

@@ -86,22 +86,32 @@ def normal_matrix(
     by_band, damped = columns("bands", every_band)
     by_film, damped_films = columns("films", every_film)
     by_paint, damped_paints = columns("paints", jnp.eye(paints).reshape(paints, *zero.paints.shape))
+    by_paint_data, alone = by_paint.data, _squares(by_paint.paints) + _squares(damped_paints.paints)
+    if zero.others.size:
+        # Dense as the paints' are, so they go with them.
+        by_other, damped_others = columns("others", jnp.eye(zero.others.size))
+        by_paint_data = jnp.concatenate([by_paint_data, by_other.data])
+        alone = jnp.concatenate([alone, _squares(by_other.others) + _squares(damped_others.others)])
+    paints = len(alone)
     # Rows of readings: (local, bands, films, 2) and so on.
     inner = jnp.einsum("ibfc,jbfc->bij", by_band.data, by_band.data)
     pulls = jnp.einsum("ibi->bi", by_band.pull) ** 2 + jnp.einsum("ibi->bi", damped.bands) ** 2
     inner = inner + jax.vmap(jnp.diag)(pulls)
 
     to_films = jnp.einsum("ibfc,ebfc->bife", by_band.data, by_film.data).reshape(bands, local, films * each)
-    to_paints = jnp.einsum("ibfc,pbfc->bip", by_band.data, by_paint.data)
+    to_paints = jnp.einsum("ibfc,pbfc->bip", by_band.data, by_paint_data)
     own = jnp.einsum("dbfc,ebfc->fde", by_film.data, by_film.data)
     expected = jnp.einsum("efe->fe", by_film.films) ** 2 + jnp.einsum("efe->fe", damped_films.films) ** 2
     own = own + jax.vmap(jnp.diag)(expected)
-    between = jnp.einsum("ebfc,pbfc->fep", by_film.data, by_paint.data).reshape(films * each, paints)
-    gloss = jnp.einsum("pbfc,qbfc->pq", by_paint.data, by_paint.data)
-    alone = jnp.diagonal(by_paint.paints.reshape(paints, paints)) ** 2
-    gloss = gloss + jnp.diag(alone + jnp.diagonal(damped_paints.paints.reshape(paints, paints)) ** 2)
+    between = jnp.einsum("ebfc,pbfc->fep", by_film.data, by_paint_data).reshape(films * each, paints)
+    gloss = jnp.einsum("pbfc,qbfc->pq", by_paint_data, by_paint_data) + jnp.diag(alone)
     corner = jnp.block([[jax.scipy.linalg.block_diag(*own), between], [between.T, gloss]])
     return _paired(inner, jnp.concatenate([to_films, to_paints], axis=-1), corner, curvature, stiffness)
+
+
+def _squares(columns: Float[Array, "n *each"]) -> Float[Array, "n"]:
+    """Squares of the diagonal of as many columns as unknowns."""
+    return jnp.diagonal(columns.reshape(len(columns), -1)) ** 2
 
 
 def _paired(
@@ -150,7 +160,7 @@ def solve(factors: Factors, vector: Unknowns) -> Unknowns:
     """Solve the normal equations for one right-hand side."""
     pairs, n, _ = factors.border.shape
     padded = jnp.pad(vector.bands, ((0, 2 * pairs - len(vector.bands)), (0, 0))).reshape(pairs, n)
-    shared = jnp.concatenate([vector.films.ravel(), vector.paints.ravel()])
+    shared = jnp.concatenate([vector.films.ravel(), vector.paints.ravel(), vector.others])
 
     def down(before, blocks):
         root, below, right = blocks
@@ -185,11 +195,20 @@ def _back(factors: Factors, right: Float[Array, "pairs n"]) -> Float[Array, "pai
 
 
 def _unflatten(bands: Float[Array, "pairs n"], shared: Float[Array, "shared"], like: Unknowns) -> Unknowns:
-    films, paints = shared[: like.films.size], shared[like.films.size :]
+    films, paints, others = jnp.split(shared, [like.films.size, like.films.size + like.paints.size])
     count, local = like.bands.shape
     return Unknowns(
-        bands.reshape(-1, local)[:count], films.reshape(like.films.shape), paints.reshape(like.paints.shape)
+        bands.reshape(-1, local)[:count], films.reshape(like.films.shape), paints.reshape(like.paints.shape), others
     )
+
+
+def shared_with_bands(factors: Factors, bands: int, last: int) -> Float[Array, "last bands local"]:
+    """Covariance of the last few shared unknowns with the unknowns of each band."""
+    shared = factors.corner.shape[0]
+    columns = cho_solve((factors.corner, True), jnp.eye(shared))[shared - last :]
+    # One after the other: batched triangular solves can deadlock on a CPU.
+    found = jax.lax.map(lambda column: _back(factors, -(factors.border @ column)), columns)
+    return found.reshape(last, 2 * len(factors.roots), found.shape[-1] // 2)[:, :bands]
 
 
 def covariance(factors: Factors, bands: int) -> tuple[Float[Array, "bands local local"], Float[Array, "shared shared"]]:
