@@ -42,7 +42,7 @@ class JointRecovery(FittedFilms):
         steps, converged: of the solver.
         noise: of a reading, as given or as told from the readings.
         known: names of the paints that were known before.
-        known_modes: provenance of known paints -> their error modes' places among the unknowns' `others`.
+        known_modes: known paint -> its error modes' places among the unknowns' `others`.
         with_others: covariance of the others with log k of all paints, then log s, (others, bands, 2 paints).
     """
 

@@ -74,7 +74,7 @@ class Told(NamedTuple):
     band_modes: Float[np.ndarray, "others bands 2*paints"]
     ground_modes: Float[np.ndarray, "others films 2"]
     thickness_modes: Float[np.ndarray, "others films"]
-    modes_of: Mapping[str, slice]  # provenance of known paints -> their error modes among the others
+    modes_of: Mapping[str, slice]  # known paint -> its error modes among the others
 
 
 def tell(
@@ -143,9 +143,9 @@ def _on(paint: Pigment, grid: Float[np.ndarray, "bands"]) -> Pigment:
 def _paint_modes(
     groups: Mapping[str, Mapping[int, Pigment]], bands: int, paints: int
 ) -> tuple[Float[np.ndarray, "modes bands 2*paints"], dict[str, slice]]:
-    """Modes of all known paints; those of one provenance share theirs."""
+    """Modes of all known paints, and the places of each; those of one provenance share theirs."""
     parts, places, first = [np.zeros((0, bands, 2 * paints))], {}, 0
-    for provenance, group in groups.items():
+    for group in groups.values():
         own = {column: error_modes(paint) for column, paint in group.items()}
         stated = all(paint.error_modes is not None for paint in group.values())
         shared = stated and len({len(modes) for modes in own.values()}) == 1
@@ -155,10 +155,9 @@ def _paint_modes(
         for column, modes in own.items():
             block[row : row + len(modes), :, column] = modes[:, 0]
             block[row : row + len(modes), :, paints + column] = modes[:, 1]
+            places[group[column].name] = slice(first + row, first + row + len(modes))
             row += 0 if shared else len(modes)
         parts.append(block)
-        if shared:
-            places[provenance] = slice(first, first + size)
         first += size
     return np.concatenate(parts), places
 

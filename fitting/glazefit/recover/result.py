@@ -177,10 +177,7 @@ class Recovery(FittedFilms):
         films = Films(
             tuple(name for part in parts for name in part.films.names),
             first.wavelengths,
-            *(
-                np.concatenate([getattr(part.films, what) for part in parts])
-                for what in SPECTRA
-            ),
+            *(np.concatenate([getattr(part.films, what) for part in parts]) for what in SPECTRA),
             notes=first.notes,
         )
         rest = [name for name in cls.__dataclass_fields__ if name != "films"]
