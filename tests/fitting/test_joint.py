@@ -4,7 +4,6 @@ import dataclasses
 
 import jax
 import jax.numpy as jnp
-import lineax as lx
 import numpy as np
 import pytest
 from jax.flatten_util import ravel_pytree
@@ -25,7 +24,7 @@ from glazefit.recover.joint_problem import (
     residuals,
     totals,
 )
-from glazefit.recover.joint_solver import JointSteps, covariance, factorise, normal_matrix
+from glazefit.recover.joint_solver import covariance, factorise, least_squares, look, solve
 from glazefit.recover.known import Gauge, tell
 from glazefit.recover.prediction import predict_films
 from glazejax import Pigment
@@ -90,11 +89,6 @@ def known_white(rng: np.random.Generator) -> Pigment:
     return Pigment("ZincWhite", GRID, k[1] / 25e-6, s[1] / 25e-6, error_modes=modes, provenance="mine")
 
 
-def linearised(problem, response, point):
-    _, tangent = jax.linearize(lambda y: residuals(y, (problem, response)), point)
-    return lx.FunctionLinearOperator(tangent, jax.eval_shape(lambda: point))
-
-
 @pytest.fixture(scope="module")
 def dense_jacobian(small):
     problem, response, point = small
@@ -104,29 +98,19 @@ def dense_jacobian(small):
 
 
 def test_steps_equal_a_dense_solve(small, dense_jacobian):
-    @jax.jit
-    def solve(problem, response, point):
-        solver = JointSteps(problem.curvature.T @ problem.curvature, problem.stiffness)
-        right = residuals(point, (problem, response))
-        return right, lx.linear_solve(linearised(problem, response, point), right, solver).value
-
-    right, step = solve(*small)
+    problem, response, point = small
+    right = residuals(point, (problem, response))
+    seen = look(problem, response, point)
+    step = solve(factorise(seen.normal), jax.tree.map(np.asarray, seen.gradient))
+    assert float(seen.cost) == pytest.approx(0.5 * np.sum(ravel_pytree(right)[0] ** 2))
     expected = np.linalg.lstsq(dense_jacobian, ravel_pytree(right)[0], rcond=None)[0]
     np.testing.assert_allclose(ravel_pytree(step)[0], expected, rtol=1e-6, atol=1e-8)
 
 
 def test_covariance_equals_the_dense_inverse(small, dense_jacobian):
-    _, _, point = small
-
-    @jax.jit
-    def both(problem, response, point):
-        normal = normal_matrix(
-            linearised(problem, response, point), problem.curvature.T @ problem.curvature, problem.stiffness
-        )
-        return covariance(factorise(normal), GRID.size)
-
-    local, shared = both(*small)
-    problem, response, _ = small
+    problem, response, point = small
+    factors = factorise(look(problem, response, point).normal)
+    local, shared = covariance(factors, GRID.size)
     inverse = np.linalg.inv(dense_jacobian.T @ dense_jacobian)
     count = point.bands.size
     for band in range(GRID.size):
@@ -138,7 +122,7 @@ def test_covariance_equals_the_dense_inverse(small, dense_jacobian):
     flat, unravel = ravel_pytree(point)
     added = np.asarray(jax.jacfwd(lambda y: ravel_pytree(totals(unravel(y), problem))[0])(flat))
     whole = added @ inverse @ added.T
-    found = spread(point, problem, response, 1)
+    found = spread(point, problem, factors, 1)
     others = len(problem.thickness_modes)
     for band in range(GRID.size):
         rows = slice(6 * band, 6 * band + 6)
@@ -147,6 +131,17 @@ def test_covariance_equals_the_dense_inverse(small, dense_jacobian):
             found.with_others[:, band], whole[len(whole) - others :, rows], rtol=1e-6, atol=1e-10
         )
     np.testing.assert_allclose(found.shared, whole[count:, count:], rtol=1e-6, atol=1e-10)
+
+
+def test_steps_end_where_the_cost_has_no_slope(small):
+    problem, response, point = small
+    found = least_squares(problem, response, point, 1.0, 100)
+    assert found.settled
+    assert found.steps < 90
+    before, after = look(problem, response, point), look(problem, response, found.point)
+    assert float(after.cost) < 0.1 * float(before.cost)
+    slope = np.abs(ravel_pytree(after.gradient)[0]).max()
+    assert slope < 1e-3 * np.abs(ravel_pytree(before.gradient)[0]).max()
 
 
 def test_what_is_known_is_added_and_taken_away(small):
@@ -241,7 +236,8 @@ def test_a_film_left_out_is_predicted():
 
 def test_draws_spread_as_laplace_says(small):
     problem, response, point = small
-    local, shared, _, drawn = spread(point, problem, response, 3000)
+    factors = factorise(look(problem, response, point).normal)
+    local, shared, _, drawn = spread(point, problem, factors, 3000)
     middle = totals(point, problem)
     off = np.asarray(drawn.bands) - np.asarray(middle.bands)
     for band in (0, GRID.size - 1):

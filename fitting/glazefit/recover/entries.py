@@ -71,21 +71,19 @@ def entries(recovery: JointRecovery, thickness: float, file: PaintFile, known: M
     first = mode_columns(file)
     new = [paint for paint in recovery.paints if paint not in recovery.known]
     lacking = [paint for paint in recovery.known if paint not in file.paints]
-    # Where a known paint's modes are among the others -> their columns in the file.
-    columns: dict[int, range] = {}
+    # Numbers of known paints' modes among the others -> their columns in the file.
+    columns: dict[int, int] = {}
     for paint in recovery.known:
-        place = recovery.known_modes[paint]
-        if paint in lacking and place.start not in columns:
-            columns[place.start] = range(first, first + place.stop - place.start)
-            first = columns[place.start].stop
+        modes = recovery.known_modes[paint]
+        if paint in lacking and modes.first not in columns:
+            columns |= {place: first + i for i, place in enumerate(modes.places)}
+            first += len(modes.kept)
         elif paint not in lacking and known[paint].error_modes is not None:
-            columns[place.start] = range(place.stop - place.start)
-    others = [start + i for start, places in columns.items() for i in range(len(places))]
-    slopes, own, shift, sd = conditional_modes(recovery, new, others)
-    used = [column for places in columns.values() for column in places]
+            columns |= dict(zip(modes.places, modes.kept, strict=True))
+    slopes, own, shift, sd = conditional_modes(recovery, new, list(columns))
     made = []
     for row, paint in enumerate(new):
-        modes = {column: slopes[i, :, row] for i, column in enumerate(used)}
+        modes = {column: slopes[i, :, row] for i, column in enumerate(columns.values())}
         modes |= {first + i: mode[:, row] for i, mode in enumerate(own)}
         found = recovery.pigment(paint, thickness)
         k, s = (
@@ -104,8 +102,9 @@ def entries(recovery: JointRecovery, thickness: float, file: PaintFile, known: M
         made.append(Entry(pigment, modes))
     for paint in lacking:
         there = known[paint].resample(recovery.wavelengths)
-        places = columns[recovery.known_modes[paint].start]
-        made.append(Entry(there, dict(zip(places, error_modes(there), strict=True))))
+        modes = recovery.known_modes[paint]
+        kept = error_modes(there)[list(modes.kept)]
+        made.append(Entry(there, {columns[place]: mode for place, mode in zip(modes.places, kept, strict=True)}))
     return made
 
 

@@ -1,21 +1,17 @@
 """Joint recovery: k and s of all paints at once, from pure films, tints and shades with known weights.
 
 A pure opaque film tells only k/s; its tint with a white that is known tells the rest. So all films are fitted
-together (`joint_problem`), each with a thickness of its own, by optimistix' Levenberg-Marquardt with a linear
+together (`joint_problem`), each with a thickness of its own, by Levenberg and Marquardt's method with a linear
 solver that knows the structure (`joint_solver`). Thicknesses are relative: the unit is that of a typical film.
 """
 
-import functools
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
-import lineax as lx
 import numpy as np
-import optimistix as optx
-from jaxtyping import Array, Float
+from jaxtyping import Float
 
 from glazejax import Pigment
 
@@ -34,11 +30,10 @@ from .joint_problem import (
     model_deviation,
     optical_thickness,
     readings,
-    residuals,
     totals,
 )
 from .joint_result import JointRecovery
-from .joint_solver import JointSteps, covariance, draw, factorise, normal_matrix, shared_with_bands
+from .joint_solver import Factors, covariance, draws, least_squares, shared_with_bands
 from .known import SLACK, Gauge, Told, tell
 
 MAX_STEPS = 100
@@ -48,19 +43,6 @@ UNIT = 25e-6
 DRAWS = 128
 # Logarithms of coefficients start far off; undamped first steps would throw some to where nothing has a slope.
 _FIRST_STEP = 1e-4
-# In units of a logarithm, and relative for the residuals: a thousandth of a coefficient.
-_SETTLED = 1e-3
-
-
-class _Trust(optx.ClassicalTrustRegion):
-    """Trust region whose first step has a given size."""
-
-    first: Any = 1.0
-
-    def init(self, y: Any, f_info_struct: Any) -> Any:
-        """State with the first step's size."""
-        state = super().init(y, f_info_struct)
-        return eqx.tree_at(lambda s: s.step_size, state, jnp.asarray(self.first))
 
 
 def recover_jointly(
@@ -122,11 +104,11 @@ def recover_jointly(
             paint_scale=0.03 * problem.paint_scale,
             tail=jnp.asarray(1e6),
         )
-        start, _, _ = fit(stiff, response, first_guess(problem), _FIRST_STEP, max_steps)
+        start = least_squares(stiff, response, first_guess(problem), _FIRST_STEP, max_steps).point
     else:
         start = deviations(start, problem)
-    solution, steps, settled = fit(problem, response, start, 1.0, max_steps)
-    found = spread(solution, problem, response, DRAWS)
+    solution, factors, steps, settled = least_squares(problem, response, start, 1.0, max_steps)
+    found = spread(solution, problem, factors, DRAWS)
     whole = totals(solution, problem)
     kd, sd = optical_thickness(whole, problem)
     fitted = films.where_seen(np.moveaxis(np.asarray(readings(solution, problem, response)), 0, -1))
@@ -136,9 +118,9 @@ def recover_jointly(
         shares=shares,
         law=law,
         unknowns=jax.tree.map(np.asarray, whole),
-        log_covariance=np.asarray(found.local),
-        shared_covariance=np.asarray(found.shared),
-        draws=jax.tree.map(np.asarray, found.draws),
+        log_covariance=found.local,
+        shared_covariance=found.shared,
+        draws=found.draws,
         film_absorption=np.asarray(kd).T,
         film_scattering=np.asarray(sd).T,
         fitted_black=fitted[:, 0],
@@ -146,12 +128,12 @@ def recover_jointly(
         residual_sd=deviation,
         expectations=expected,
         instrument=instrument,
-        steps=int(steps),
-        converged=bool(settled),
+        steps=steps,
+        converged=settled,
         noise=noise,
         known=tuple(paint for paint, is_known in zip(paints, told.known, strict=True) if is_known),
         known_modes=told.modes_of,
-        with_others=np.asarray(found.with_others),
+        with_others=found.with_others,
     )
 
 
@@ -229,51 +211,30 @@ def first_guess(problem: JointProblem) -> Unknowns:
     )
 
 
-def _steps(problem: JointProblem) -> JointSteps:
-    return JointSteps(problem.curvature.T @ problem.curvature, problem.stiffness)
-
-
-@functools.partial(jax.jit, static_argnames="max_steps")
-def fit(
-    problem: JointProblem, response: Response, start: Unknowns, first_step: float, max_steps: int
-) -> tuple[Unknowns, Array, Array]:
-    """Least squares from a start: solution, number of steps, whether they settled."""
-    solver = optx.LevenbergMarquardt(rtol=_SETTLED, atol=_SETTLED, linear_solver=_steps(problem))
-    solver = eqx.tree_at(lambda s: s.search, solver, _Trust(first=first_step))
-    solution = optx.least_squares(residuals, solver, start, args=(problem, response), max_steps=max_steps, throw=False)
-    return solution.value, solution.stats["num_steps"], solution.result == optx.RESULTS.successful
-
-
 class Spread(NamedTuple):
     """Laplace's approximation of `totals`."""
 
-    local: Float[Array, "bands local local"]  # covariance at each band
-    shared: Float[Array, "shared shared"]  # of what all bands share: films, paints, others
-    with_others: Float[Array, "others bands local"]  # of the others with the bands
+    local: Float[np.ndarray, "bands local local"]  # covariance at each band
+    shared: Float[np.ndarray, "shared shared"]  # of what all bands share: films, paints, others
+    with_others: Float[np.ndarray, "others bands local"]  # of the others with the bands
     draws: Unknowns
 
 
-@functools.partial(jax.jit, static_argnames="draws")
-def spread(solution: Unknowns, problem: JointProblem, response: Response, draws: int) -> Spread:
+def spread(solution: Unknowns, problem: JointProblem, factors: Factors, count: int) -> Spread:
     """Inverse of the normal matrix at the solution, in blocks, and draws from it."""
-    _, tangent = jax.linearize(lambda y: residuals(y, (problem, response)), solution)
-    operator = lx.FunctionLinearOperator(tangent, jax.eval_shape(lambda: solution))
-    steps = _steps(problem)
-    factors = factorise(normal_matrix(operator, steps.curvature, steps.stiffness))
-    own, common = jax.random.split(jax.random.key(0))
-    pairs = jax.random.normal(own, (draws, *factors.border.shape[:2]))
-    shared = jax.random.normal(common, (draws, factors.corner.shape[0]))
-    # One after the other: batched triangular solves can deadlock on a CPU.
-    off = jax.lax.map(lambda normal: draw(factors, solution, *normal), (pairs, shared))
-    drawn = jax.vmap(totals, in_axes=(0, None))(jax.tree.map(jnp.add, solution, off), problem)
-    bands, others = len(problem.reading), len(problem.thickness_modes)
+    modes, thickness = np.asarray(problem.band_modes), np.asarray(problem.thickness_modes)
+    bands, others = len(problem.reading), len(thickness)
+    drawn = jax.vmap(totals, in_axes=(0, None))(
+        jax.tree.map(np.add, solution, draws(factors, solution, count)), problem
+    )
     local, corner = covariance(factors, bands)
     across = shared_with_bands(factors, bands, others)
     # What the others add to the bands, and to the films' thickness.
-    modes, own_others = problem.band_modes, corner[len(corner) - others :, len(corner) - others :]
-    both = jnp.einsum("obi,obj->bij", across, modes)
-    with_others = across + jnp.einsum("op,pbi->obi", own_others, modes)
-    local = local + both + both.mT + jnp.einsum("obi,op,pbj->bij", modes, own_others, modes)
+    own = corner[len(corner) - others :, len(corner) - others :]
+    both = np.einsum("obi,obj->bij", across, modes)
+    with_others = across + np.einsum("op,pbi->obi", own, modes)
+    local = local + both + np.swapaxes(both, 1, 2) + np.einsum("obi,op,pbj->bij", modes, own, modes)
     films, each = problem.film_scale.shape
-    added = jnp.eye(len(corner)).at[: films * each : each, len(corner) - others :].add(problem.thickness_modes.T)
-    return Spread(local, added @ corner @ added.T, with_others, drawn)
+    added = np.eye(len(corner))
+    added[: films * each : each, len(corner) - others :] += thickness.T
+    return Spread(local, added @ corner @ added.T, with_others, jax.tree.map(np.asarray, drawn))

@@ -114,7 +114,7 @@ def totals(unknowns: Unknowns, problem: JointProblem) -> Unknowns:
     thickness = problem.film_mean + unknowns.others @ problem.thickness_modes
     return unknowns._replace(
         bands=unknowns.bands + jnp.einsum("o,obi->bi", unknowns.others, problem.band_modes),
-        films=unknowns.films.at[:, 0].add(thickness),
+        films=jnp.asarray(unknowns.films).at[:, 0].add(thickness),
     )
 
 

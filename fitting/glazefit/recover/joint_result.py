@@ -12,6 +12,7 @@ from glazejax import Pigment
 from ..film.films import Films, Instrument, Noise
 from ..film.mixing import MixingLaw
 from .joint_problem import Expectations, Unknowns
+from .known import Modes
 from .result import FittedFilms, delta_e_over_cards
 
 MODES = 32
@@ -65,7 +66,7 @@ class JointRecovery(FittedFilms):
     converged: bool
     noise: Noise
     known: tuple[str, ...]
-    known_modes: Mapping[str, slice]
+    known_modes: Mapping[str, Modes]
     with_others: Float[np.ndarray, "others bands coefficients"]
 
     @cached_property

@@ -64,6 +64,18 @@ class Gauge:
         return float(np.exp(np.mean(np.log(list(self.thickness.values())))))
 
 
+class Modes(NamedTuple):
+    """Where a known paint's error modes are among the others: from `first` on, those of these numbers."""
+
+    first: int
+    kept: tuple[int, ...]
+
+    @property
+    def places(self) -> list[int]:
+        """Numbers among the others."""
+        return list(range(self.first, self.first + len(self.kept)))
+
+
 class Told(NamedTuple):
     """Means, and how unknowns that are standard normal beforehand (`others`) move what a fit computes with."""
 
@@ -74,7 +86,7 @@ class Told(NamedTuple):
     band_modes: Float[np.ndarray, "others bands 2*paints"]
     ground_modes: Float[np.ndarray, "others films 2"]
     thickness_modes: Float[np.ndarray, "others films"]
-    modes_of: Mapping[str, slice]  # known paint -> its error modes among the others
+    modes_of: Mapping[str, Modes]
 
 
 def tell(
@@ -142,23 +154,27 @@ def _on(paint: Pigment, grid: Float[np.ndarray, "bands"]) -> Pigment:
 
 def _paint_modes(
     groups: Mapping[str, Mapping[int, Pigment]], bands: int, paints: int
-) -> tuple[Float[np.ndarray, "modes bands 2*paints"], dict[str, slice]]:
-    """Modes of all known paints, and the places of each; those of one provenance share theirs."""
+) -> tuple[Float[np.ndarray, "modes bands 2*paints"], dict[str, Modes]]:
+    """Modes of all known paints, and the places of each; those of one provenance share theirs.
+
+    Modes that are nought for all of them, such as those of other paints of their file, are left out.
+    """
     parts, places, first = [np.zeros((0, bands, 2 * paints))], {}, 0
     for group in groups.values():
         own = {column: error_modes(paint) for column, paint in group.items()}
         stated = all(paint.error_modes is not None for paint in group.values())
-        shared = stated and len({len(modes) for modes in own.values()}) == 1
-        size = len(next(iter(own.values()))) if shared else sum(map(len, own.values()))
-        block = np.zeros((size, bands, 2 * paints))
-        row = 0
-        for column, modes in own.items():
-            block[row : row + len(modes), :, column] = modes[:, 0]
-            block[row : row + len(modes), :, paints + column] = modes[:, 1]
-            places[group[column].name] = slice(first + row, first + row + len(modes))
-            row += 0 if shared else len(modes)
-        parts.append(block)
-        first += size
+        together = (
+            [group] if stated and len({len(modes) for modes in own.values()}) == 1 else [{c: group[c]} for c in own]
+        )
+        for some in together:
+            modes = np.stack([own[column] for column in some], axis=1)
+            kept = np.flatnonzero(np.abs(modes).max(axis=(1, 2, 3)) > 0)
+            block = np.zeros((kept.size, bands, 2 * paints))
+            for place, (column, paint) in enumerate(some.items()):
+                block[:, :, column], block[:, :, paints + column] = np.moveaxis(modes[kept, place], 1, 0)
+                places[paint.name] = Modes(first, tuple(kept.tolist()))
+            parts.append(block)
+            first += kept.size
     return np.concatenate(parts), places
 
 

@@ -195,8 +195,9 @@ def _solution(
     gloss = np.zeros((paints + spare, 2))
     gloss[:paints] = found.paints
     others = np.zeros(len(problem.thickness_modes))
-    if not spare:
-        others[:] = found.others
+    # The first are of paints that are known: as the fit found them, unless there is a new one.
+    same = 0 if spare else max((modes.first + len(modes.kept) for modes in recovery.known_modes.values()), default=0)
+    others[:same] = found.others[:same]
     whole = Unknowns(jnp.asarray(local), jnp.asarray(films), jnp.asarray(gloss), jnp.asarray(others))
     return deviations(whole, problem)
 
