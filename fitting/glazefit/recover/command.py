@@ -1,5 +1,6 @@
 """The command `glazejax recover`: films over black and white in, pigments out."""
 
+import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
@@ -144,6 +145,8 @@ def recover(
 
     Try it without data: glazejax recover --simulate --out demo
     """
+    # Before NumPy is loaded: its blocks here are small, and threads for them only wait for each other.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _check(file, simulate)
     told = Told(into, white, wet_film)
     _check_joint(joint, law, check, simulate, masstones, told)
