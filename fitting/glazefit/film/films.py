@@ -6,13 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Self
 
+import jax
 import numpy as np
 from jaxtyping import Bool, Float
 
+from glazejax import Bidirectional
 from glazejax.geometry import Instrument as Instrument
+from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.spectra import validate_wavelengths
 
-from .optics import Optics
 from .response import ground_below
 
 Spectra = Float[np.ndarray, "films bands"]
@@ -169,8 +171,7 @@ def nearest(name: str, known: Sequence[str]) -> str:
 class BareSurface(NamedTuple):
     """What the surface does to a bare Lambertian ground rho, which reads gain rho/(1 - back rho) without the mirror.
 
-    `back` is the reflectance of the surface for diffuse light from inside, r_i, as the solver's own directions see it:
-    .5963 at an index of 1.5.
+    `back` is the reflectance of the surface for diffuse light from inside, r_i: .5963 at an index of 1.5.
     """
 
     gain: float
@@ -179,17 +180,26 @@ class BareSurface(NamedTuple):
 
 @functools.lru_cache(maxsize=32)
 def bare_surface(instrument: Instrument) -> BareSurface:
-    """Gain and back of an instrument, from two evaluations of the solver with an empty layer.
+    """Gain and back of an instrument, by the integral of Fresnel's reflectance over all directions.
 
-    So a fit and its cards use the same numbers.
+    Diffuse light from inside is reflected by r_i = 1 - (1 - r_e)/n^2 with r_e that of diffuse light from outside
+    (Duntley 1942, by the conservation of radiance over n^2).
     """
-    optics = Optics.of(instrument.geometry, instrument.refractive_index)
-    nothing = np.zeros((2, 1))
-    half, white = np.asarray(optics.body(nothing, nothing, np.array([0.5, 1.0]), 1e-6), dtype=np.float64)
-    # half = .5 gain/(1 - .5 back), white = gain/(1 - back).
-    ratio = white / half
-    back = (ratio - 2.0) / (ratio - 1.0)
-    return BareSurface(float(white * (1.0 - back)), float(back))
+    nodes, weights = np.polynomial.legendre.leggauss(96)
+    # Where light grazes the slope is infinite: nodes in the root of the cosine.
+    root = 0.5 * (nodes + 1.0)
+    index = instrument.refractive_index
+    geometry = instrument.geometry
+    seen = [instrument.cos_incidence]
+    seen += [float(np.asarray(geometry.cos_viewing))] if isinstance(geometry, Bidirectional) else []
+    reflected = np.asarray(_fresnel(np.concatenate([root**2, seen]), index))
+    outside = float(np.sum(weights * 2.0 * root**3 * reflected[: root.size]))
+    enters = (1.0 - outside) / index**2
+    through = float(np.prod(1.0 - reflected[root.size :]))
+    return BareSurface(through * (enters if len(seen) == 1 else 1.0 / index**2), 1.0 - enters)
+
+
+_fresnel = jax.jit(dielectric_reflectance)
 
 
 def diffuse_internal_reflectance(instrument: Instrument) -> float:

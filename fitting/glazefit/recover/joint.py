@@ -11,7 +11,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Array, Float
 
 from glazejax import Pigment
 
@@ -106,23 +106,22 @@ def recover_jointly(
         )
         start = least_squares(stiff, response, first_guess(problem), _FIRST_STEP, max_steps).point
     else:
-        start = deviations(start, problem)
+        start = jax.jit(deviations)(start, problem)
     solution, factors, steps, settled = least_squares(problem, response, start, 1.0, max_steps)
     found = spread(solution, problem, factors, DRAWS)
-    whole = totals(solution, problem)
-    kd, sd = optical_thickness(whole, problem)
-    fitted = films.where_seen(np.moveaxis(np.asarray(readings(solution, problem, response)), 0, -1))
+    whole, kd, sd, fitted = jax.tree.map(np.asarray, _described(solution, problem, response))
+    fitted = films.where_seen(np.moveaxis(fitted, 0, -1))
     return JointRecovery(
         films=films,
         paints=paints,
         shares=shares,
         law=law,
-        unknowns=jax.tree.map(np.asarray, whole),
+        unknowns=whole,
         log_covariance=found.local,
         shared_covariance=found.shared,
         draws=found.draws,
-        film_absorption=np.asarray(kd).T,
-        film_scattering=np.asarray(sd).T,
+        film_absorption=kd.T,
+        film_scattering=sd.T,
         fitted_black=fitted[:, 0],
         fitted_white=fitted[:, 1],
         residual_sd=deviation,
@@ -211,6 +210,15 @@ def first_guess(problem: JointProblem) -> Unknowns:
     )
 
 
+@jax.jit
+def _described(
+    solution: Unknowns, problem: JointProblem, response: Response
+) -> tuple[Unknowns, Float[Array, "bands films"], Float[Array, "bands films"], Float[Array, "bands films 2"]]:
+    """Totals, optical thicknesses and readings, in one program."""
+    whole = totals(solution, problem)
+    return whole, *optical_thickness(whole, problem), readings(solution, problem, response)
+
+
 class Spread(NamedTuple):
     """Laplace's approximation of `totals`."""
 
@@ -224,9 +232,9 @@ def spread(solution: Unknowns, problem: JointProblem, factors: Factors, count: i
     """Inverse of the normal matrix at the solution, in blocks, and draws from it."""
     modes, thickness = np.asarray(problem.band_modes), np.asarray(problem.thickness_modes)
     bands, others = len(problem.reading), len(thickness)
-    drawn = jax.vmap(totals, in_axes=(0, None))(
-        jax.tree.map(np.add, solution, draws(factors, solution, count)), problem
-    )
+    drawn = jax.tree.map(np.add, solution, draws(factors, solution, count))
+    drawn.films[:, :, 0] += np.asarray(problem.film_mean) + drawn.others @ thickness
+    drawn = drawn._replace(bands=drawn.bands + np.einsum("do,obi->dbi", drawn.others, modes))
     local, corner = covariance(factors, bands)
     across = shared_with_bands(factors, bands, others)
     # What the others add to the bands, and to the films' thickness.
@@ -237,4 +245,4 @@ def spread(solution: Unknowns, problem: JointProblem, factors: Factors, count: i
     films, each = problem.film_scale.shape
     added = np.eye(len(corner))
     added[: films * each : each, len(corner) - others :] += thickness.T
-    return Spread(local, added @ corner @ added.T, with_others, jax.tree.map(np.asarray, drawn))
+    return Spread(local, added @ corner @ added.T, with_others, drawn)

@@ -171,7 +171,7 @@ def _pose(
     problem = pose(films, *settings)
     solution = _solution(recovery, problem, bands, spare, candidates)
     # How sure a reading is depends on what it will be.
-    seen = np.asarray(readings(solution, problem, response))[:, count:]
+    seen = np.asarray(jax.jit(readings)(solution, problem, response))[:, count:]
     for what, values in zip(SPECTRA[2:], np.moveaxis(seen, -1, 0), strict=True):
         arrays[what][count:] = np.maximum(values.T, 0.0)
     problem = pose(replace(films, **arrays), *settings)
@@ -199,7 +199,7 @@ def _solution(
     same = 0 if spare else max((modes.first + len(modes.kept) for modes in recovery.known_modes.values()), default=0)
     others[:same] = found.others[:same]
     whole = Unknowns(jnp.asarray(local), jnp.asarray(films), jnp.asarray(gloss), jnp.asarray(others))
-    return deviations(whole, problem)
+    return jax.jit(deviations)(whole, problem)
 
 
 @jax.jit
