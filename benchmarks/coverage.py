@@ -57,9 +57,9 @@ def simulate(
 ) -> tuple[list[Any], Truth]:
     """Readings of films of this many paints, and the truth."""
     from glazefit import FilmPrior, Films, Instrument, Noise
+    from glazefit.film.films import usual_cards
     from glazefit.film.model import body_reflectance
     from glazefit.film.reading import readings
-    from glazefit.film.films import usual_cards
     from glazejax import catalogue
 
     prior, instrument, noise = FilmPrior(), Instrument(), Noise()

@@ -16,6 +16,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -113,13 +114,14 @@ def tube(paint: Pigment, white: Pigment, case: Case, seed: int) -> Tube:
     if not case.cards:
         seen[:2, 0], assumed[:2] = False, True
     opaque[:2] = case.opaque
-    arrays = (films.bare_black, films.bare_white, films.over_black, films.over_white)
+    bare = [films.bare_black, films.bare_white]
     if not case.cards:
         # The card that is assumed is not quite the one below the paint.
         odds = np.exp(0.4 * rng.standard_normal(2))
         usual = [card * o / (1 - card + card * o) for card, o in zip(usual_cards(films.wavelengths), odds, strict=True)]
-        arrays = (*(np.where(assumed[:, i, None], usual[i], arrays[i]) for i in range(2)), *arrays[2:])
-    films = Films(films.names, films.wavelengths, *arrays, (), seen, assumed, opaque)
+        bare = [np.where(assumed[:, i, None], usual[i], bare[i]) for i in range(2)]
+    cards = {"bare_black": bare[0], "bare_white": bare[1]}
+    films = replace(films, **cards, seen=seen, assumed=assumed, opaque=opaque)
     return Tube(films, dict(named_recipes(names, {})), full)
 
 

@@ -14,6 +14,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -22,7 +23,7 @@ from glazejax.io import SpectraTable, read_spectra
 from glazejax.io.source import refusal
 from glazejax.spectra import describe_grid
 
-from .films import FLAGS, SPECTRA, Films, usual_cards
+from .films import SPECTRA, Films, usual_cards
 from .readers import ROWS
 
 FINEST = 5.0
@@ -95,8 +96,8 @@ def _films(table: SpectraTable, rows: Mapping[str, Mapping[str, int]], shared: M
         for what, end, row in zip(SPECTRA[:2], "bw", bare, strict=True):
             spectra[what].append(usual[end] if row is None else table.reflectance[row])
     opaque = np.array(["opaque" in found for found in rows.values()])
-    flags = np.array(seen), np.array(assumed), opaque
-    films = Films(tuple(rows), grid, *(np.stack(spectra[what]) for what in SPECTRA), (), *flags)
+    arrays: dict[str, Any] = {what: np.stack(spectra[what]) for what in SPECTRA}
+    films = Films(tuple(rows), grid, **arrays, seen=np.array(seen), assumed=np.array(assumed), opaque=opaque)
     return _noted(films, notes)
 
 
@@ -106,7 +107,7 @@ def _noted(films: Films, notes: list[str]) -> Films:
         names = [name for name, hides in zip(films.names, films.opaque, strict=True) if hides]
         notes.append(f"{', '.join(names)}: no ending _ob or _ow, so taken to hide whatever is below")
     needed = films.assumed & films.seen & ~films.opaque[:, None]
-    words = [word for word, column in zip(("black", "white"), needed.any(axis=0), strict=True) if column]
+    words = [word for word, column in zip(("black", "white"), np.any(needed, axis=0).tolist(), strict=True) if column]
     if words:
         notes.append(
             f"the {' and the '.join(words)} card was not measured (card_b, card_w): a usual one is assumed, and its "
@@ -157,6 +158,5 @@ def average(films: Films, step: float = FINEST) -> Films:
 
 
 def _on(films: Films, matrix: Float[np.ndarray, "bands new"], note: str) -> Films:
-    arrays = [getattr(films, what) @ matrix for what in SPECTRA]
-    flags = [getattr(films, what) for what in FLAGS]
-    return Films(films.names, films.wavelengths @ matrix, *arrays, (*films.notes, note), *flags)
+    arrays: dict[str, Any] = {what: getattr(films, what) @ matrix for what in SPECTRA}
+    return replace(films, wavelengths=films.wavelengths @ matrix, notes=(*films.notes, note), **arrays)

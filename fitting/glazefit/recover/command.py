@@ -2,12 +2,14 @@
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from glazejax.commands import options, progress
 from glazejax.extras import require
+
+from .told import Results, Told
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -202,29 +204,6 @@ def recover(
         _compare(recovery, metres, console)
     if how.interrupted:
         progress.stop_interrupted(console, len(recovery), len(films), "films")
-
-
-class Results(NamedTuple):
-    """Where results go: the folder, the films' thickness in m, whether pictures are drawn, and the screen."""
-
-    out: Path | None
-    thickness: float
-    plots: bool
-    overwrite: bool
-    console: "Console"
-
-
-class Told(NamedTuple):
-    """What the user says beside the films: the file of own paints, the white, and thicknesses."""
-
-    into: Path | None
-    white: str
-    wet_film: str
-
-    @property
-    def any(self) -> bool:
-        """Whether something is told."""
-        return self.into is not None or bool(self.white or self.wet_film)
 
 
 def _check(file: Path | None, simulate: bool) -> None:

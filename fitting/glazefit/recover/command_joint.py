@@ -12,10 +12,10 @@ if TYPE_CHECKING:
     from glazejax import Pigment
 
     from ..film.films import Films
-    from .command import Results, Told
     from .entries import PaintFile
     from .joint_result import JointRecovery
     from .known import Gauge
+    from .told import Results, Told
 
 _SAME = 0.1
 """Standard deviation of the log of thicknesses that one bar drew."""

@@ -104,10 +104,10 @@ def recover_jointly(
             paint_scale=0.03 * problem.paint_scale,
             tail=jnp.asarray(1e6),
         )
-        start = least_squares(stiff, response, first_guess(problem), _FIRST_STEP, max_steps).point
+        first = least_squares(stiff, response, first_guess(problem), _FIRST_STEP, max_steps).point
     else:
-        start = jax.jit(deviations)(start, problem)
-    solution, factors, steps, settled = least_squares(problem, response, start, 1.0, max_steps)
+        first = jax.jit(deviations)(start, problem)
+    solution, factors, steps, settled = least_squares(problem, response, first, 1.0, max_steps)
     found = spread(solution, problem, factors, DRAWS)
     whole, kd, sd, fitted = jax.tree.map(np.asarray, _described(solution, problem, response))
     fitted = films.where_seen(np.moveaxis(fitted, 0, -1))

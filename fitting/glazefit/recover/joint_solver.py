@@ -10,13 +10,13 @@ milliseconds, where a compiled solver takes half a minute to compile for every n
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
-from scipy.linalg.lapack import dtrtri
+from scipy.linalg import get_lapack_funcs
 
 from ..film.response import Response
 from .joint_problem import JointProblem, JointResiduals, Unknowns, residuals
@@ -220,7 +220,9 @@ def _inverse_root(matrix: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n n"]:
     By LAPACK's trtri: `solve_triangular` starts threads even for eight rows, and takes a thousand times as long where
     other programs keep the cores busy.
     """
-    return np.tril(dtrtri(np.linalg.cholesky(matrix), lower=1)[0])
+    root = np.linalg.cholesky(matrix)
+    (invert,) = get_lapack_funcs(("trtri",), (root,))
+    return np.tril(invert(root, lower=1)[0])
 
 
 def solve(factors: Factors, vector: Unknowns) -> Unknowns:
@@ -265,12 +267,13 @@ def unflattened(
     """Unknowns from the blocks of bands and the shared numbers of several vectors, or of one."""
     count, local = like.bands.shape
     films, paints, others = np.split(shared, [like.films.size, like.films.size + like.paints.size], axis=1)
-    found = Unknowns(
+    parts: list[Any] = [
         bands.reshape(len(bands), -1, local)[:, :count],
         films.reshape(-1, *like.films.shape),
         paints.reshape(-1, *like.paints.shape),
         others,
-    )
+    ]
+    found = Unknowns(*parts)
     return found if only is None else jax.tree.map(lambda part: part[only], found)
 
 

@@ -28,8 +28,8 @@ def read_pigments(path: str | Path, provenance: str = "") -> dict[str, Pigment]:
 
     Columns, in any order and found by their titles: pigment, wavelength_nm, absorption (k, 1/m), scattering
     (s, 1/m), and optionally absorption_sd, scattering_sd (1/m), identifiable (true or false), and error modes of
-    log k and log s, k_mode_1, k_mode_2, ... and as many s_mode (see `Pigment`). Other columns are left alone; lines that
-    start with # are kept as the pigments' provenance, unless another is given.
+    log k and log s, k_mode_1, k_mode_2, ... and as many s_mode (see `Pigment`). Other columns are left alone; lines
+    that start with # are kept as the pigments' provenance, unless another is given.
 
     Returns:
         name -> pigment, in the order of the file.
