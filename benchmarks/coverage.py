@@ -57,9 +57,9 @@ def simulate(
 ) -> tuple[list[Any], Truth]:
     """Readings of films of this many paints, and the truth."""
     from glazefit import FilmPrior, Films, Instrument, Noise
+    from glazefit.film.films import usual_cards
     from glazefit.film.model import body_reflectance
     from glazefit.film.reading import readings
-    from glazefit.film.simulate import card_spectra
     from glazejax import catalogue
 
     prior, instrument, noise = FilmPrior(), Instrument(), Noise()
@@ -79,7 +79,7 @@ def simulate(
             for fs, ps in zip(fractions, chosen, strict=True)
         ]
     ) * thickness[:, None, None] * off  # fmt: skip
-    black, white = card_spectra(grid)
+    black, white = usual_cards(grid)
     ground = np.broadcast_to(np.stack([black, white], axis=-1), (count, grid.size, 2))
 
     def read(k: np.ndarray, s: np.ndarray, shine: np.ndarray) -> np.ndarray:

@@ -81,6 +81,7 @@ def geometry(given: dict[str, Any]) -> Any:
 
 SPECTRA, FILMS = "spectra.csv", "films.csv"
 JOINT = f"{FILMS} --out found --joint"
+TUBE = "tube.csv --out found"
 USUAL = {
     "render": "--layers ZincWhite:5um,CobaltBlue:9um",
     "identify": f"{SPECTRA} --ground 0.5",
@@ -173,6 +174,12 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
                                base="--out found --simulate"),
         **INSTRUMENT,
         **OLD_SPECULAR,
+        "--into": Reaches("--into paints.csv", lambda g: [*(g["known"] or ())], ["ZincWhite", "Own"], base=TUBE,
+                          engine="recover_jointly"),
+        "--white": Reaches("--white ZincWhite", lambda g: [*(g["known"] or ())], ["ZincWhite"], base=TUBE,
+                           engine="recover_jointly"),
+        "--wet-film": Reaches("--wet-film 80um±20%", lambda g: (g["gauge"].typical, g["gauge"].error),
+                              (pytest.approx(80e-6), 0.2), engine="recover_jointly"),
         "--simulate": Reaches("--out found --simulate --samples Eosin", lambda g: [*map(name_of, g["paints"])],
                               ["Eosin"], base=" ", engine="simulate_paints"),
         "--seed": Reaches("--seed 7", lambda g: g["seed"], 7, base="--out found --simulate"),
@@ -261,6 +268,8 @@ def _reach(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], Reached | No
     table(SPECTRA, {"one": 0.4, "two": 0.6})
     cards = {"b": 0.06, "w": 0.85, "ob": 0.3, "ow": 0.5}
     table(FILMS, {f"{film}_{end}": value for film in ("one", "two") for end, value in cards.items()})
+    mixed = ("Blue", "Blue 1:3 ZincWhite", "Blue 1:3 Own")
+    table("tube.csv", {f"{film}_{end}": value for film in mixed for end, value in cards.items()})
     Path("mixtures.tsv").write_text("one\tRed-White|100-0\ntwo\tRed-White|40-60\n")
     Path("other.tsv").write_text("one\tUmber|100\ntwo\tUmber-White|40-60\n")
     paints = [f"{name},{w:g},1000,50000" for name in ("ZincWhite", "Own") for w in np.arange(380.0, 731.0, 10.0)]

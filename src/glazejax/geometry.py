@@ -247,18 +247,6 @@ class Instrument:
         """What the surface adds to a reading: R_s, or 0 if its mirror reflection is excluded or out of view."""
         return self.surface if self.geometry.sees_surface else 0.0
 
-    def require_sphere(self) -> None:
-        """Refuse any geometry but an integrating sphere, where the equations hold for that alone.
-
-        Raises:
-            ValueError: it is another.
-        """
-        if not isinstance(self.geometry, Hemispherical):
-            raise ValueError(
-                "films over bare cards are fitted for an integrating sphere only, such as d:8 or de:8, not for "
-                f"{self.describe()}"
-            )
-
     def describe(self) -> str:
         """The geometry in words, as `Hemispherical.describe` and `Bidirectional.describe` give them."""
         return self.geometry.describe()

@@ -119,7 +119,7 @@ def test_bad_input_is_one_line_and_status_2(run, tmp_path, films):
         "negative": "\n".join([*lines[:2], "01A_w\t-5" + "\t80" * 30, *lines[3:]]),
         "nan": "\n".join([*lines[:2], "01A_w\tnan" + "\t80" * 30, *lines[3:]]),
         "mixed": "\n".join([*lines[:2], "01A_w" + "\t0.8" * 31, *lines[3:]]),
-        "lacks": "\n".join(lines[:4]),
+        "lacks": "\n".join(lines[:3]),
     }
     for name, text in variants.items():
         (tmp_path / name).write_text(text + "\n")
@@ -129,7 +129,7 @@ def test_bad_input_is_one_line_and_status_2(run, tmp_path, films):
         (["negative", "--out", "o"], ["01A_w", "400", "negative"]),
         (["nan", "--out", "o"], ["01A_w", "400", "not a finite number"]),
         (["mixed", "--out", "o"], ["percent and fraction are mixed", "01A_w"]),
-        (["lacks", "--out", "o"], ["'01A_ow'", "paint over white"]),
+        (["lacks", "--out", "o"], ["'01A_ow'", "paint over black, over white", "card_b"]),
         ([good, "--out", "o", "--samples", "01a"], ["unknown sample '01a'", "nearest: '01A'"]),
         ([good, "--out", "o", "--thickness", "0"], ["--thickness is 0", "above 0"]),
         ([good, "--out", "o", "--masstones"], ["--names"]),
@@ -137,7 +137,13 @@ def test_bad_input_is_one_line_and_status_2(run, tmp_path, films):
         ([good, "--out", "o", "--refractive-index", "15"], ["refractive index 15", "[1, 2.5]"]),
         ([good, "--out", "o", "--incidence", "95"], ["incidence", "95"]),
         ([good, "--out", "o", "--geometry", "d:95"], ["--geometry is 'd:95'", "incidence"]),
-        ([good, "--out", "o", "--geometry", "45:0"], ["integrating sphere only", "light at 45°"]),
+        ([good, "--out", "o", "--geometry", "45:0:specular"], ["the mirror reflection is not in view"]),
+        ([good, "--out", "o", "--white", "Chalk"], ["unknown pigment 'Chalk'"]),
+        ([good, "--out", "o", "--white", "ZincWhite"], ["no film holds ZincWhite", "01A, 02B"]),
+        ([good, "--out", "o", "--wet-film", "thick"], ["--wet-film is 'thick'"]),
+        ([good, "--out", "o", "--wet-film", "03A=20um"], ["--wet-film: no film is called '03A'"]),
+        ([good, "--into", "no/mine.csv"], ["--into no/mine.csv", "does not exist"]),
+        (["--simulate", "--out", "o", "--into", "mine.csv"], ["--into is for measured films"]),
         ([good, "--out", "o", "--geometry", "d:8", "--no-specular"], ["leave out --no-specular"]),
         ([good, "--out", "o", "--thickness", "20ells"], ["--thickness is '20ells'", "unit 'ells'"]),
         ([good, "--out", full], ["full", "not empty", "--overwrite"]),
@@ -241,3 +247,73 @@ def test_mixtures_are_left_out_when_asked(run, tmp_path):
     status, _, err = run(file, "--out", "other", "--check")
     assert status == 2
     assert "add --joint" in err
+
+
+@pytest.fixture
+def tubes(tmp_path):
+    """A masstone and a tint of two paints with the catalogue's zinc white, on a coarse grid, over white only."""
+    from glazejax import catalogue
+
+    white = catalogue.pigment("ZincWhite")
+    pale = np.stack([white.absorption, white.scattering])[:, ::3] * 25e-6
+
+    def table(name, hue, ends):
+        blue = np.stack([0.05 + 3.0 * np.exp(-(((GRID[::3] - hue) / 60) ** 2)), np.full(11, 1.0)])
+        k, s = np.stack([blue, blue / 11 + pale * 10 / 11], axis=1)
+        skip = {"b", "w", "ob", "ow"} - set(ends)
+        return write(
+            tmp_path / f"{name}.tsv", simulate_films([name, f"{name} 1:10 ZincWhite"], GRID[::3], k, s), skip=skip
+        )
+
+    return table
+
+
+def test_own_tubes_go_into_one_file(run, tmp_path, tubes):
+    from glazejax.paint.pigment_table import read_pigments
+
+    status, out, err = run(tubes("Blue", 590, ("b", "w", "ob", "ow")), "--white", "ZincWhite", "--into", "mine.csv")
+    assert (status, err) == (0, "")
+    assert "Scale: that of ZincWhite" in out
+    assert "Added Blue, ZincWhite to mine.csv" in out
+    assert "What would teach most" in out
+    status, out, err = run(tubes("Red", 480, ("ow",)), "--into", "mine.csv", "--geometry", "di:8")
+    assert (status, err) == (0, "")
+    assert "white card was not measured" in out
+    assert "Added Red to mine.csv" in out
+    mine = read_pigments(tmp_path / "mine.csv")
+    assert list(mine) == ["Blue", "ZincWhite", "Red"]
+    assert GRID[::3][int(np.argmax(mine["Blue"].absorption))] == pytest.approx(590, abs=20)
+    assert GRID[::3][int(np.argmax(mine["Red"].absorption))] == pytest.approx(480, abs=20)
+    before = (tmp_path / "mine.csv").read_bytes()
+    status, _, err = run(tmp_path / "Red.tsv", "--into", "mine.csv")
+    assert status == 2
+    assert "in mine.csv already: Red, ZincWhite; --overwrite" in err
+    assert (tmp_path / "mine.csv").read_bytes() == before
+    status, out, _ = run(tmp_path / "Red.tsv", "--into", "mine.csv", "--white", "ZincWhite", "--overwrite")
+    assert status == 0
+    assert "(replaced: Red)" in out
+    assert list(read_pigments(tmp_path / "mine.csv")) == ["Blue", "ZincWhite", "Red"]
+
+
+def test_gauged_films_have_a_scale_of_their_own(run, tmp_path, tubes):
+    file = tubes("Blue", 590, ("b", "w", "ob", "ow"))
+    status, out, _ = run(file, "--out", "res", "--wet-film", "50um±20%", "--no-plots")
+    assert status == 0
+    assert "as measured, about 50 µm" in out
+    with (tmp_path / "res" / "pigments.csv").open() as table:
+        rows = [row for row in csv.DictReader(table) if row["pigment"] == "Blue"]
+    status, _, _ = run(file, "--out", "more", "--no-plots")
+    with (tmp_path / "more" / "pigments.csv").open() as table:
+        usual = [row for row in csv.DictReader(table) if row["pigment"] == "Blue"]
+    ratio = [float(a["absorption"]) / float(b["absorption"]) for a, b in zip(rows, usual, strict=True)]
+    assert np.median(ratio) == pytest.approx(0.5, rel=0.2)
+
+
+def test_rough_spectra_are_said_to_be_noisy(run, tmp_path):
+    k = np.geomspace(0.02, 2.0, GRID.size)[None]
+    films = simulate_films(["01A"], GRID, k, np.ones_like(k), noise=Noise(0.004, 0.0))
+    status, out, _ = run(write(tmp_path / "f.tsv", films), "--out", "res", "--no-plots")
+    assert status == 0
+    assert "Noise of a reading R, told from how rough the spectra are: 0.00" in out
+    status, out, _ = run(tmp_path / "f.tsv", "--out", "told", "--no-plots", "--noise", "0.004")
+    assert "how rough" not in out

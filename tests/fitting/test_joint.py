@@ -4,7 +4,6 @@ import dataclasses
 
 import jax
 import jax.numpy as jnp
-import lineax as lx
 import numpy as np
 import pytest
 from jax.flatten_util import ravel_pytree
@@ -19,12 +18,16 @@ from glazefit.recover.joint_problem import (
     Expectations,
     Unknowns,
     curvature_matrix,
+    deviations,
     heavy_tail,
     readings,
     residuals,
+    totals,
 )
-from glazefit.recover.joint_solver import JointSteps, covariance, factorise, normal_matrix
+from glazefit.recover.joint_solver import covariance, factorise, least_squares, look, solve
+from glazefit.recover.known import Gauge, tell
 from glazefit.recover.prediction import predict_films
+from glazejax import Pigment
 
 PAINTS = ("CobaltBlue", "ZincWhite", "BoneBlack")
 RECIPES = {
@@ -55,25 +58,35 @@ def painted(thickness: np.ndarray, noise: Noise, seed: int = 1) -> Films:
     return simulate_films(tuple(RECIPES), GRID, amounts @ k, amounts @ s, noise=noise, seed=seed)
 
 
-@pytest.fixture(scope="module")
-def small():
-    """A problem of three paints, six films and seven bands, at a point that is not its solution."""
+@pytest.fixture(scope="module", params=["", "told"])
+def small(request):
+    """A problem of three paints, six films and seven bands, at a point that is not its solution.
+
+    Alone, and told the white, a thickness and that one card was not measured and one film is opaque.
+    """
     films = painted(np.array([1.0, 0.8, 1.2, 1.0, 0.9, 1.1]), Noise())
     paints, weights = weight_table(films.names, RECIPES)
-    law = MixingLaw("strength")
-    problem = pose(films, law.shares(weights, paints), law, Instrument(), Noise(), Expectations())
+    law, told = MixingLaw("strength"), None
     rng = np.random.default_rng(3)
+    if request.param:
+        assumed, opaque = np.zeros((6, 2), bool), np.zeros(6, bool)
+        assumed[2:4, 1], opaque[5] = True, True
+        films = dataclasses.replace(films, assumed=assumed, opaque=opaque)
+        told = tell(films, paints, {"ZincWhite": known_white(rng)}, Gauge({"tint": 30e-6}), 25e-6, 0.3)
+    problem = pose(films, law.shares(weights, paints), law, Instrument(), Noise(), Expectations(), told)
     point = Unknowns(
         jnp.asarray(rng.normal(-0.5, 0.7, (GRID.size, 6))),
         jnp.asarray(rng.normal(0, 0.1, problem.film_scale.shape)),
         jnp.asarray(rng.normal(0, 0.1, problem.paint_scale.shape)),
+        jnp.asarray(rng.normal(0, 0.5, len(problem.thickness_modes))),
     )
     return problem, film_response(Instrument().geometry), point
 
 
-def linearised(problem, response, point):
-    _, tangent = jax.linearize(lambda y: residuals(y, (problem, response)), point)
-    return lx.FunctionLinearOperator(tangent, jax.eval_shape(lambda: point))
+def known_white(rng: np.random.Generator) -> Pigment:
+    k, s = truth()
+    modes = 0.1 * rng.standard_normal((3, 2, GRID.size))
+    return Pigment("ZincWhite", GRID, k[1] / 25e-6, s[1] / 25e-6, error_modes=modes, provenance="mine")
 
 
 @pytest.fixture(scope="module")
@@ -85,34 +98,60 @@ def dense_jacobian(small):
 
 
 def test_steps_equal_a_dense_solve(small, dense_jacobian):
-    @jax.jit
-    def solve(problem, response, point):
-        solver = JointSteps(problem.curvature.T @ problem.curvature, problem.stiffness)
-        right = residuals(point, (problem, response))
-        return right, lx.linear_solve(linearised(problem, response, point), right, solver).value
-
-    right, step = solve(*small)
+    problem, response, point = small
+    right = residuals(point, (problem, response))
+    seen = look(problem, response, point)
+    step = solve(factorise(seen.normal), jax.tree.map(np.asarray, seen.gradient))
+    assert float(seen.cost) == pytest.approx(0.5 * np.sum(ravel_pytree(right)[0] ** 2))
     expected = np.linalg.lstsq(dense_jacobian, ravel_pytree(right)[0], rcond=None)[0]
     np.testing.assert_allclose(ravel_pytree(step)[0], expected, rtol=1e-6, atol=1e-8)
 
 
 def test_covariance_equals_the_dense_inverse(small, dense_jacobian):
-    _, _, point = small
-
-    @jax.jit
-    def both(problem, response, point):
-        normal = normal_matrix(
-            linearised(problem, response, point), problem.curvature.T @ problem.curvature, problem.stiffness
-        )
-        return covariance(factorise(normal), GRID.size)
-
-    local, shared = both(*small)
+    problem, response, point = small
+    factors = factorise(look(problem, response, point).normal)
+    local, shared = covariance(factors, GRID.size)
     inverse = np.linalg.inv(dense_jacobian.T @ dense_jacobian)
     count = point.bands.size
     for band in range(GRID.size):
         rows = slice(6 * band, 6 * band + 6)
         np.testing.assert_allclose(local[band], inverse[rows, rows], rtol=1e-6, atol=1e-10)
     np.testing.assert_allclose(shared, inverse[count:, count:], rtol=1e-6, atol=1e-10)
+
+    # The same of coefficients and thicknesses as they are, with what errors of the known add.
+    flat, unravel = ravel_pytree(point)
+    added = np.asarray(jax.jacfwd(lambda y: ravel_pytree(totals(unravel(y), problem))[0])(flat))
+    whole = added @ inverse @ added.T
+    found = spread(point, problem, factors, 1)
+    others = len(problem.thickness_modes)
+    for band in range(GRID.size):
+        rows = slice(6 * band, 6 * band + 6)
+        np.testing.assert_allclose(found.local[band], whole[rows, rows], rtol=1e-6, atol=1e-10)
+        np.testing.assert_allclose(
+            found.with_others[:, band], whole[len(whole) - others :, rows], rtol=1e-6, atol=1e-10
+        )
+    np.testing.assert_allclose(found.shared, whole[count:, count:], rtol=1e-6, atol=1e-10)
+
+
+def test_steps_end_where_the_cost_has_no_slope(small):
+    problem, response, point = small
+    found = least_squares(problem, response, point, 1.0, 100)
+    assert found.settled
+    assert found.steps < 90
+    before, after = look(problem, response, point), look(problem, response, found.point)
+    assert float(after.cost) < 0.1 * float(before.cost)
+    slope = np.abs(ravel_pytree(after.gradient)[0]).max()
+    assert slope < 1e-3 * np.abs(ravel_pytree(before.gradient)[0]).max()
+
+
+def test_what_is_known_is_added_and_taken_away(small):
+    problem, _, point = small
+    there = totals(point, problem)
+    for first, second in zip(point, deviations(there, problem), strict=True):
+        np.testing.assert_allclose(first, second, atol=1e-12)
+    if len(problem.thickness_modes):
+        assert np.abs(np.asarray(there.bands - point.bands)).max() > 0.01
+        assert np.abs(np.asarray(there.films - point.films)).max() > 0.01
 
 
 def test_gloss_and_weights_of_a_film_reach_its_reading(small):
@@ -197,11 +236,13 @@ def test_a_film_left_out_is_predicted():
 
 def test_draws_spread_as_laplace_says(small):
     problem, response, point = small
-    local, shared, drawn = spread(point, problem, response, 3000)
-    off = np.asarray(drawn.bands) - np.asarray(point.bands)
+    factors = factorise(look(problem, response, point).normal)
+    local, shared, _, drawn = spread(point, problem, factors, 3000)
+    middle = totals(point, problem)
+    off = np.asarray(drawn.bands) - np.asarray(middle.bands)
     for band in (0, GRID.size - 1):
         np.testing.assert_allclose(np.std(off[:, band], axis=0), np.sqrt(np.diagonal(local[band])), rtol=0.07)
-    films = np.asarray(drawn.films).reshape(3000, -1) - np.asarray(point.films).ravel()
+    films = np.asarray(drawn.films).reshape(3000, -1) - np.asarray(middle.films).ravel()
     np.testing.assert_allclose(np.std(films, axis=0), np.sqrt(np.diagonal(shared))[: films.shape[1]], rtol=0.07)
     # Errors of one band go with those of the next: the curvature ties them.
     assert np.corrcoef(off[:, 3, 0], off[:, 4, 0])[0, 1] > 0.5

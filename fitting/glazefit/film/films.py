@@ -1,19 +1,26 @@
 """Measured films: paint over a black and over a white card, and the noise of the instrument that saw them."""
 
 import difflib
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
+import jax
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Bool, Float
 
+from glazejax import Bidirectional
 from glazejax.geometry import Instrument as Instrument
-from glazejax.radiative.stack import stack_hemispherical_reflectance
+from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.spectra import validate_wavelengths
 
 from .response import ground_below
 
 Spectra = Float[np.ndarray, "films bands"]
+SPECTRA = ("bare_black", "bare_white", "over_black", "over_white")
+FLAGS = ("seen", "assumed", "opaque")
+_BY_DEFAULT: Any = None
 
 
 @dataclass(frozen=True)
@@ -52,10 +59,15 @@ class Films:
         bare_black, bare_white: (films, bands), reflectance of the cards without paint.
         over_black, over_white: (films, bands), reflectance of the paint on them.
         notes: sentences on what a reader changed or noticed.
+        seen: (films, 2), whether there is a reading over black, and over white; by default all. The array of a reading
+            that there is not holds the other's values, and what is computed of films leaves it out.
+        assumed: (films, 2), whether the bare card was not measured: then its array holds the internal reflectance of a
+            usual card (`usual_cards`); by default none.
+        opaque: (films,), whether a film is known to hide whatever is below; by default none. Then its cards count not.
 
     Raises:
         ValueError: shapes that do not match, a value that is NaN, infinite or negative, a white card that is not
-            brighter than the black one, or names that repeat.
+            brighter than the black one, a film without any reading, or names that repeat.
     """
 
     names: tuple[str, ...]
@@ -65,6 +77,9 @@ class Films:
     over_black: Spectra
     over_white: Spectra
     notes: tuple[str, ...] = ()
+    seen: Bool[np.ndarray, "films 2"] = _BY_DEFAULT
+    assumed: Bool[np.ndarray, "films 2"] = _BY_DEFAULT
+    opaque: Bool[np.ndarray, "films"] = _BY_DEFAULT
 
     def __post_init__(self) -> None:
         grid = validate_wavelengths(self.wavelengths)
@@ -72,7 +87,18 @@ class Films:
         if len(set(self.names)) < len(self.names):
             twice = next(name for name in self.names if self.names.count(name) > 1)
             raise ValueError(f"two films are called {twice!r}; names must differ")
-        for what in ("bare_black", "bare_white", "over_black", "over_white"):
+        count = len(self.names)
+        usually = {"seen": np.ones((count, 2)), "assumed": np.zeros((count, 2)), "opaque": np.zeros(count)}
+        for what, usual in usually.items():
+            flags = getattr(self, what)
+            flags = np.asarray(usual if flags is _BY_DEFAULT else flags, dtype=bool)
+            object.__setattr__(self, what, flags)
+            if flags.shape != usual.shape:
+                raise ValueError(f"{what} has shape {flags.shape}; it must be {usual.shape}")
+        blind = ~self.seen.any(axis=1)
+        if blind.any():
+            raise ValueError(f"film {self.names[int(blind.argmax())]!r} has no reading, over black or over white")
+        for what in SPECTRA:
             values = np.asarray(getattr(self, what), dtype=np.float64)
             object.__setattr__(self, what, values)
             if values.shape != (len(self.names), grid.size):
@@ -85,7 +111,8 @@ class Films:
                 raise ValueError(
                     f"{what} of {self.names[i]!r} at {grid[j]:g} nm is {values[i, j]:g}; reflectance is 0 or more"
                 )
-        dim = self.bare_white.mean(axis=1) <= self.bare_black.mean(axis=1)
+        # A usual card is given from inside the paint, where the black one is darker and the white one brighter.
+        dim = (self.bare_white.mean(axis=1) <= self.bare_black.mean(axis=1)) & self.seen.all(axis=1)
         if dim.any():
             name = self.names[int(dim.argmax())]
             raise ValueError(
@@ -98,8 +125,26 @@ class Films:
     def take(self, rows: Sequence[int] | slice) -> "Films":
         """Some of the films, by number."""
         index = np.arange(len(self))[rows]
-        pick = {what: getattr(self, what)[index] for what in ("bare_black", "bare_white", "over_black", "over_white")}
+        pick = {what: getattr(self, what)[index] for what in (*SPECTRA, *FLAGS)}
         return replace(self, names=tuple(self.names[i] for i in index), **pick)
+
+    @property
+    def complete(self) -> bool:
+        """Whether every film was read over both cards, and both cards bare."""
+        return bool(self.seen.all() and not self.assumed.any() and not self.opaque.any())
+
+    def readings(self) -> tuple[Float[np.ndarray, "rows bands"], ...]:
+        """What was measured: bare cards, black and white, and paint over them; rows that there are not are left out."""
+        bare = self.seen & ~self.assumed & ~self.opaque[:, None]
+        kept = (bare[:, 0], bare[:, 1], self.seen[:, 0], self.seen[:, 1])
+        return tuple(getattr(self, what)[rows] for what, rows in zip(SPECTRA, kept, strict=True))
+
+    def where_seen(self, values: Float[np.ndarray, "films 2 *rest"]) -> Float[np.ndarray, "films 2 *rest"]:
+        """Values over black and over white, with those of a reading that there is not replaced by the other's."""
+        if self.seen.all():
+            return values
+        seen = self.seen.reshape(*self.seen.shape, *[1] * (values.ndim - 2))
+        return np.where(seen, values, values[:, ::-1])
 
     def select(self, wanted: Sequence[str]) -> "Films":
         """Films of these names, in this order.
@@ -123,35 +168,46 @@ def nearest(name: str, known: Sequence[str]) -> str:
     return "known: " + ", ".join(map(repr, known[:8])) + more
 
 
-def diffuse_internal_reflectance(instrument: Instrument) -> float:
-    """Reflectance of the surface for diffuse light from inside, r_i, as the solver's own directions see it.
+class BareSurface(NamedTuple):
+    """What the surface does to a bare Lambertian ground rho, which reads gain rho/(1 - back rho) without the mirror.
 
-    A bare ground rho reflects (1 - R_s) rho (1 - r_i)/(1 - rho r_i); one evaluation of the solver with an empty
-    layer gives r_i, so that a fit and its cards use the same number (0.5963 at n = 1.5).
-
-    Raises:
-        ValueError: the instrument is no integrating sphere.
+    `back` is the reflectance of the surface for diffuse light from inside, r_i: .5963 at an index of 1.5.
     """
-    instrument.require_sphere()
-    ground = 0.5
-    body = _bare(ground, instrument) / (1.0 - instrument.surface)
-    return float((ground - body) / (ground * (1.0 - body)))
+
+    gain: float
+    back: float
 
 
-def _bare(ground: float, instrument: Instrument) -> float:
-    value: Array = stack_hemispherical_reflectance(
-        np.zeros(1),
-        np.zeros(1),
-        ground,
-        refractive_index=instrument.refractive_index,
-        cos_incidence=instrument.cos_incidence,
-    )
-    return float(value)
+@functools.lru_cache(maxsize=32)
+def bare_surface(instrument: Instrument) -> BareSurface:
+    """Gain and back of an instrument, by the integral of Fresnel's reflectance over all directions.
+
+    Diffuse light from inside is reflected by r_i = 1 - (1 - r_e)/n^2 with r_e that of diffuse light from outside
+    (Duntley 1942, by the conservation of radiance over n^2).
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(96)
+    # Where light grazes the slope is infinite: nodes in the root of the cosine.
+    root = 0.5 * (nodes + 1.0)
+    index = instrument.refractive_index
+    geometry = instrument.geometry
+    seen = [instrument.cos_incidence]
+    seen += [float(np.asarray(geometry.cos_viewing))] if isinstance(geometry, Bidirectional) else []
+    reflected = np.asarray(_fresnel(np.concatenate([root**2, seen]), index))
+    outside = float(np.sum(weights * 2.0 * root**3 * reflected[: root.size]))
+    enters = (1.0 - outside) / index**2
+    through = float(np.prod(1.0 - reflected[root.size :]))
+    return BareSurface(through * (enters if len(seen) == 1 else 1.0 / index**2), 1.0 - enters)
 
 
-def card_reflectance(
-    bare: Spectra, instrument: Instrument
-) -> tuple[Float[np.ndarray, "films bands"], Float[np.ndarray, "films bands"]]:
+_fresnel = jax.jit(dielectric_reflectance)
+
+
+def diffuse_internal_reflectance(instrument: Instrument) -> float:
+    """Reflectance of the surface for diffuse light from inside, r_i; see `BareSurface`."""
+    return bare_surface(instrument).back
+
+
+def card_reflectance(bare: Spectra, instrument: Instrument) -> tuple[Spectra, Spectra]:
     """Internal reflectance of cards from their bare reflectance in air, and its derivative.
 
     Under paint only the internal reflectance counts: a card that reads 5 % in air is 2.5 % inside, one that reads
@@ -161,10 +217,25 @@ def card_reflectance(
         rho, (films, bands), and d rho / d bare, (films, bands). Values outside [0, 1] are possible and the
         caller's to refuse.
     """
-    r = diffuse_internal_reflectance(instrument)
-    share = 1.0 - instrument.surface
-    x = (np.asarray(bare) - instrument.seen_surface) / share
-    return ground_below(x, 1.0 - r, r), (1.0 - r) / (1.0 - r + x * r) ** 2 / share
+    gain, back = bare_surface(instrument)
+    x = np.asarray(bare) - instrument.seen_surface
+    return ground_below(x, gain, back), gain / (gain + x * back) ** 2
+
+
+def usual_cards(
+    wavelengths: Float[np.ndarray, "bands"],
+) -> tuple[Float[np.ndarray, "bands"], Float[np.ndarray, "bands"]]:
+    """Internal reflectance of a black and of a white card of the usual kind, (bands,) each.
+
+    In air they read 5 % and 80-89 %; the white one falls off below 430 nm, as paper with a brightener does.
+    """
+    black = np.full_like(wavelengths, 0.025)
+    white = 0.95 - 0.02 * np.maximum(700 - wavelengths, 0) / 300
+    return black, white - 0.2 * np.exp(-np.maximum(wavelengths - 400, 0) / 12)
+
+
+USUAL_CARD_SD = (0.005, 0.02)
+"""How far a black and a white card of the usual kind may be off from band to band, in internal reflectance."""
 
 
 def cards(films: Films, instrument: Instrument, noise: Noise) -> tuple[Spectra, Spectra, Spectra, Spectra]:
@@ -175,9 +246,12 @@ def cards(films: Films, instrument: Instrument, noise: Noise) -> tuple[Spectra, 
             standard deviations.
     """
     out, errors = [], []
-    for what, bare in (("black", films.bare_black), ("white", films.bare_white)):
+    for card, (what, bare) in enumerate((("black", films.bare_black), ("white", films.bare_white))):
         inside, slope = card_reflectance(bare, instrument)
         sd = slope * noise.sd(bare)
+        # Cards that no reading needs are not judged.
+        given = (films.assumed[:, card] | films.opaque | ~films.seen[:, card])[:, None]
+        inside, sd = np.where(given, bare, inside), np.where(given, USUAL_CARD_SD[card], sd)
         for wrong, complaint in (
             (inside < -4 * sd, "darker than its surface alone ({surface:.4f}); was the specular part excluded?"),
             (inside > 1 + 4 * sd, "brighter than a perfect diffuser; is it fluorescent, or the scale wrong?"),

@@ -31,12 +31,8 @@ def body_reflectance(
         ground: internal reflectance of the card, (...).
         instrument: geometry and refractive index.
         tolerance: of the solver.
-
-    Raises:
-        ValueError: the instrument is no integrating sphere.
     """
-    instrument.require_sphere()
-    optics = Optics(instrument.cos_incidence, None, instrument.refractive_index)
+    optics = Optics.of(instrument.geometry, instrument.refractive_index)
     return optics.body(absorption[..., None], scattering[..., None], ground, tolerance)
 
 

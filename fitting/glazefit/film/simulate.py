@@ -8,19 +8,8 @@ from jaxtyping import Float
 
 from glazejax import Pigment
 
-from .films import Films, Instrument, Noise
+from .films import Films, Instrument, Noise, usual_cards
 from .model import body_reflectance
-
-
-def card_spectra(
-    wavelengths: Float[np.ndarray, "bands"],
-) -> tuple[Float[np.ndarray, "bands"], Float[np.ndarray, "bands"]]:
-    """Internal reflectance of a black and of a white card of the usual kind, (bands,) each.
-
-    In air they read 5 % and 80-89 %; the white one falls off below 430 nm, as paper with a brightener does.
-    """
-    black = np.full_like(wavelengths, 0.025)
-    return black, 0.95 - 0.02 * (700 - wavelengths) / 300 - 0.2 * np.exp(-np.maximum(wavelengths - 400, 0) / 12)
 
 
 def simulate_films(
@@ -45,7 +34,7 @@ def simulate_films(
     instrument, noise = instrument or Instrument(), noise or Noise()
     rng = np.random.default_rng(seed)
     k, s = np.asarray(absorption), np.asarray(scattering)
-    black, white = card_spectra(wavelengths)
+    black, white = usual_cards(wavelengths)
     grounds = np.broadcast_to(np.stack([black, white], axis=-1), (*k.shape, 2))
     empty = np.full((1, 1), 1e-12)
 

@@ -1,19 +1,20 @@
 """The command `glazejax recover`: films over black and white in, pigments out."""
 
-import time
+import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from glazejax.commands import options, progress
 from glazejax.extras import require
 
+from .told import Results, Told
+
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from ..film.films import Films
-    from .joint_result import JointRecovery
+    from ..film.films import Films, Noise
     from .result import Recovery
 
 _GEOMETRY = "d:8"
@@ -29,8 +30,9 @@ def recover(
         Path | None,
         typer.Argument(
             metavar="FILE",
-            help="Table of spectra, four rows a film: NAME_b and NAME_w (bare black and white card), NAME_ob and "
-            "NAME_ow (paint over them). CSV or TSV, percent or fractions.",
+            help="Table of spectra. Rows of a film: NAME_ob and NAME_ow (paint over black, over white), or one of "
+            "them, or NAME alone (it hides what is below); NAME_b and NAME_w (its bare cards), or card_b and card_w. "
+            "A film called 'Blue 1:10 White' is that tint. CSV or TSV, percent or fractions.",
             show_default=False,
         ),
     ] = None,
@@ -46,10 +48,54 @@ def recover(
             show_default=False,
         ),
     ] = None,
+    into: Annotated[
+        Path | None,
+        typer.Option(
+            "--into",
+            metavar="FILE",
+            help="Add the new paints to your own file of paints, such as mine.csv; its paints are taken as known.",
+            show_default=False,
+        ),
+    ] = None,
+    white: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="The white of the tints is known, and sets the scale: a paint of --into, or of the catalogue "
+            "(ZincWhite, acrylics:TitaniumWhite).",
+            show_default=False,
+        ),
+    ] = "",
+    wet_film: Annotated[
+        str,
+        typer.Option(
+            "--wet-film",
+            metavar="LENGTHS",
+            help="What a gauge or the gap of a drawdown bar says of films: 100um, 100um±20%, 'Red=100um,Blue=50um', "
+            "or 'same' (one bar of unknown gap). Of acrylics, which lose about half as they dry, the dry thickness.",
+            show_default=False,
+        ),
+    ] = "",
     thickness: options.Thickness = "25um",
-    noise: options.Noise = 0.0005,
-    noise_share: options.NoiseShare = 0.002,
-    geometry: Annotated[str | None, options.geometry_option(_GEOMETRY, sphere=True)] = None,
+    noise: Annotated[
+        float | None,
+        typer.Option(
+            "--noise",
+            help="Noise of the instrument near black: standard deviation of a reflectance. Default: told from how "
+            "rough the spectra are, 0.0005 or more.",
+            show_default=False,
+        ),
+    ] = None,
+    noise_share: Annotated[
+        float | None,
+        typer.Option(
+            "--noise-share",
+            help="Noise that grows with the reading: added to --noise per unit of reflectance. Default: 0.002, or as "
+            "rough spectra say.",
+            show_default=False,
+        ),
+    ] = None,
+    geometry: Annotated[str | None, options.geometry_option(_GEOMETRY)] = None,
     refractive_index: options.RefractiveIndex = 1.5,
     simulate: Annotated[
         bool, typer.Option("--simulate", help="Try it without data: recover simulated films of the catalogue's paints.")
@@ -74,14 +120,18 @@ def recover(
         typer.Option("--check", help="With --joint: leave out each mixture in turn and predict it from the others."),
     ] = False,
     plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw a picture for each paint.")] = True,
-    overwrite: Annotated[bool, typer.Option("--overwrite", help="Write into a folder that is not empty.")] = False,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Write into a folder that is not empty; replace entries of --into.")
+    ] = False,
     incidence: options.OldIncidence = None,
     specular: options.OldSpecular = None,
 ) -> None:
     """Recover absorption k and scattering s of paints from films over a black and a white card.
 
     Every wavelength of every film is fitted on its own. With --joint all
-    films of known recipes are fitted together, each with its own thickness.
+    films of known recipes are fitted together, each with its own thickness;
+    so are tints, films that lack a reading, and with --into, --white or
+    --wet-film.
 
     Writes pigments.csv (k and s in 1/m with standard deviations), a picture
     for each paint, and fits.csv (k/s and fitted spectra) or, with --joint,
@@ -92,13 +142,19 @@ def recover(
     k and s follow from the thickness: films twice as thick have half the
     k and s.
 
+    Own tubes: a masstone and one tint over a black-and-white card will do,
+    glazejax recover blue.csv --white ZincWhite --into mine.csv
+
     Try it without data: glazejax recover --simulate --out demo
     """
+    # Before NumPy is loaded: its blocks here are small, and threads for them only wait for each other.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _check(file, simulate)
-    _check_joint(joint, law, check, simulate, masstones)
+    told = Told(into, white, wet_film)
+    _check_joint(joint, law, check, simulate, masstones, told)
     if plots:
         require("matplotlib")
-    folder = options.check_folder(out, overwrite)
+    folder = None if out is None and into is not None else options.check_folder(out, overwrite)
     metres = options.read_length(thickness)
     seen_by = options.read_geometry(geometry, _GEOMETRY, incidence=incidence, specular=specular)
 
@@ -107,22 +163,35 @@ def recover(
     from glazejax.commands.main import start_jax
 
     from ..film.films import Instrument, Noise
+    from ..film.loose import tint
 
     start_jax()
     console = Console()
-    instrument = Instrument(seen_by, refractive_index)
-    instrument.require_sphere()
-    given = {"instrument": instrument, "noise": Noise(noise, noise_share)}
-    results = _Results(folder, metres, plots, overwrite, console)
-    if joint:
-        assert file is not None
-        _recover_jointly(file, samples, names, given, law, check, results)
-        return
+    said = None
+    if noise is not None or noise_share is not None:
+        usual = Noise()
+        said = Noise(usual.floor if noise is None else noise, usual.share if noise_share is None else noise_share)
+    given: dict[str, Any] = {"instrument": Instrument(seen_by, refractive_index)}
+    results = Results(folder, metres, plots, overwrite, console)
     if simulate:
+        given["noise"] = said or Noise()
         films = _simulated(samples, metres, given, seed, console)
     else:
         assert file is not None
-        films = _measured(file, samples, masstones, names, console)
+        films = _films(file, samples, console)
+        given["noise"] = said or _noise(films, console)
+        recipes, beside = _recipes(file, names)
+        if masstones:
+            films = _masstones(films, recipes, beside)
+        together = joint or told.any or not films.complete or any(tint(name) for name in films.names)
+        if together:
+            if joint and not recipes and not any(tint(name) for name in films.names):
+                raise ValueError(f"--joint needs to know what the films are made of: add --names FILE, or {beside}")
+            from .command_joint import recover_together
+
+            recover_together(films, recipes, given, law, check, told, results)
+            return
+        films = _readable(films, recipes)
 
     from .film_by_film import recover_chunks
     from .result import Recovery
@@ -137,16 +206,6 @@ def recover(
         progress.stop_interrupted(console, len(recovery), len(films), "films")
 
 
-class _Results(NamedTuple):
-    """Where results go: the folder, the films' thickness in m, whether pictures are drawn, and the screen."""
-
-    out: Path
-    thickness: float
-    plots: bool
-    overwrite: bool
-    console: "Console"
-
-
 def _check(file: Path | None, simulate: bool) -> None:
     if simulate and file is not None:
         raise ValueError(f"--simulate needs no data; leave out {file}, or leave out --simulate")
@@ -154,10 +213,13 @@ def _check(file: Path | None, simulate: bool) -> None:
         raise ValueError("no FILE was given; name a table of spectra, or try: glazejax recover --simulate --out demo")
 
 
-def _check_joint(joint: bool, law: str, check: bool, simulate: bool, masstones: bool) -> None:
+def _check_joint(joint: bool, law: str, check: bool, simulate: bool, masstones: bool, told: Told) -> None:
     for option, given in (("--simulate", simulate), ("--masstones", masstones)):
         if joint and given:
             raise ValueError(f"--joint fits measured mixtures; leave out {option}, or leave out --joint")
+    for option, given in (("--into", told.into), ("--white", told.white), ("--wet-film", told.wet_film)):
+        if simulate and given:
+            raise ValueError(f"{option} is for measured films; leave it out, or leave out --simulate")
     if law not in ("mass", "strength"):
         raise ValueError(f"--law is {law!r}; it must be mass or strength")
     if law != "mass" and not joint:
@@ -166,96 +228,55 @@ def _check_joint(joint: bool, law: str, check: bool, simulate: bool, masstones: 
         raise ValueError("--check leaves mixtures out of a joint fit; add --joint")
 
 
-def _recover_jointly(
-    file: Path, samples: str, names: Path | None, given: "dict[str, Any]", law: str, check: bool, results: _Results
-) -> None:
-    from glazejax.paint.describe import format_length
+def _noise(films: "Films", console: "Console") -> "Noise":
+    """Noise of the readings, as rough as they are; said where it is more than usual."""
+    from ..film.films import Noise
+    from ..film.noise import estimate_noise
 
-    from ..film.mixing import MixingLaw
-    from ..film.readers import NAMES_FILE, read_names
-    from .joint import recover_jointly
-    from .report import (
-        print_joint,
-        write_joint_films,
-        write_joint_pigments,
-        write_joint_plots,
-    )
-
-    out, metres, plots, overwrite, console = results
-    films = _films(file, samples, console)
-    beside = names or file.parent / NAMES_FILE
-    if not beside.is_file():
-        raise ValueError(f"--joint needs to know what the films are made of: add --names FILE, or {beside}")
-    with console.status("compiling, then fitting all films together"):
-        began = time.perf_counter()
-        recipes = read_names(beside)
-        given = given | {"law": MixingLaw(law)}
-        recovery = recover_jointly(films, recipes, **given)
-        seconds = time.perf_counter() - began
-    out.mkdir(parents=True, exist_ok=True)
-    write_joint_pigments(recovery, metres, out / "pigments.csv", overwrite=overwrite)
-    write_joint_films(recovery, out / "films.csv", overwrite=overwrite)
-    print_joint(recovery, console, seconds)
-    if check:
-        _leave_out(recovery, films, recipes, given, results)
-    console.print(
-        f"[bold]Thickness: a typical film is taken as {format_length(metres)}, not measured.[/bold] Thicknesses in "
-        "films.csv are in units of that."
-    )
-    if plots:
-        write_joint_plots(recovery, metres, out, progress.drawing(len(recovery.paints)))
-    pictures = f", films.csv and {len(recovery.paints)} pictures" if plots else " and films.csv"
-    console.print(f"Wrote pigments.csv{pictures} to {out}")
-
-
-def _leave_out(
-    recovery: "JointRecovery",
-    films: "Films",
-    recipes: dict[str, dict[str, float]],
-    given: dict[str, Any],
-    results: _Results,
-) -> None:
-    from .crossvalidation import leave_films_out
-    from .plots import plot_left_out
-    from .report import print_left_out, write_left_out
-
-    out, _, plots, overwrite, console = results
-    with console.status("leaving films out") as status:
-        left = leave_films_out(
-            recovery, films, recipes, progress=lambda name: status.update(f"leaving out {name}"), **given
+    found = estimate_noise(films)
+    if found != Noise():
+        console.print(
+            f"Noise of a reading R, told from how rough the spectra are: {found.floor:.2g} + {found.share:.2g} R "
+            "[dim](--noise, --noise-share)[/dim]"
         )
-    print_left_out(left, console)
-    write_left_out(recovery, left, out / "left_out.csv", overwrite=overwrite)
-    if plots:
-        plot_left_out(recovery, left, out / "left_out.png")
+    return found
 
 
 def _films(file: Path, samples: str, console: "Console") -> "Films":
     """The films of a file, or those of --samples."""
-    from ..film.readers import read_films
+    from ..film.loose import read_loose_films
 
-    films = read_films(file)
+    films = read_loose_films(file)
     if wanted := options.listed(samples):
         films = films.select(wanted)
     progress.print_notes(console, file, films.notes)
     return films
 
 
-def _measured(file: Path, samples: str, masstones: bool, names: Path | None, console: "Console") -> "Films":
+def _recipes(file: Path, names: Path | None) -> tuple[dict[str, dict[str, float]], Path]:
+    """What films are made of as a list says, and where a list is looked for."""
+    from ..film.readers import NAMES_FILE, read_names
+
+    beside = file.parent / NAMES_FILE
+    return read_names(names or beside) if names is not None or beside.is_file() else {}, beside
+
+
+def _masstones(films: "Films", recipes: dict[str, dict[str, float]], beside: Path) -> "Films":
+    from ..film.readers import is_masstone
+
+    if not recipes:
+        raise ValueError(f"--masstones needs to know what the films are made of: add --names, or {beside}")
+    pure = [name for name in films.names if is_masstone(recipes.get(name, {}))]
+    if not pure:
+        raise ValueError(f"--masstones: none of the {len(films)} films is listed as a single paint")
+    return films.select(pure)
+
+
+def _readable(films: "Films", recipes: dict[str, dict[str, float]]) -> "Films":
     from dataclasses import replace
 
-    from ..film.readers import NAMES_FILE, is_masstone, read_names, readable_names
+    from ..film.readers import readable_names
 
-    films = _films(file, samples, console)
-    beside = file.parent / NAMES_FILE
-    recipes = read_names(names or beside) if names is not None or beside.is_file() else {}
-    if masstones:
-        if not recipes:
-            raise ValueError(f"--masstones needs to know what the films are made of: add --names, or {beside}")
-        pure = [name for name in films.names if is_masstone(recipes.get(name, {}))]
-        if not pure:
-            raise ValueError(f"--masstones: none of the {len(films)} films is listed as a single paint")
-        films = films.select(pure)
     return replace(films, names=readable_names(films.names, recipes))
 
 
@@ -274,12 +295,13 @@ def _simulated(samples: str, thickness: float, given: "dict[str, Any]", seed: in
     return simulate_paints(paints, thickness, seed=seed, **given)
 
 
-def _report(recovery: "Recovery", how: progress.Collected, results: _Results) -> None:
+def _report(recovery: "Recovery", how: progress.Collected, results: Results) -> None:
     from glazejax.paint.describe import format_length
 
     from .report import print_summary, write_fits, write_pigments, write_plots
 
     out, metres, plots, overwrite, console = results
+    assert out is not None
     out.mkdir(parents=True, exist_ok=True)
     write_pigments(recovery, metres, out / "pigments.csv", overwrite=overwrite)
     write_fits(recovery, out / "fits.csv", overwrite=overwrite)

@@ -13,6 +13,7 @@ from the ratio; the band is flagged.
 
 import functools
 from collections.abc import Iterator
+from dataclasses import replace
 from typing import NamedTuple
 
 import jax
@@ -21,13 +22,13 @@ import numpy as np
 import optimistix as optx
 from jaxtyping import Array, Bool, Float
 
-from glazejax import Hemispherical
 from glazejax.radiative.common.linalg import inverse_positive
 
 from ..film.films import Films, Instrument, Noise, cards
 from ..film.gloss import estimate_gloss
 from ..film.least_squares import GramSchmidt
 from ..film.model import HIGHEST, LOWEST, ReflectanceTable, body_reflectance, tabulate
+from ..film.noise import estimate_noise
 from .result import Recovery, told_apart
 
 CHUNK = 8
@@ -230,11 +231,12 @@ def recover_films(
     Args:
         films: measured over a black and a white card.
         instrument: its geometry; by default d:8 with the specular part, refractive index 1.5.
-        noise: of a reading; see `Noise`.
+        noise: of a reading; by default told from the readings' roughness (`glazefit.film.noise.estimate_noise`).
         chunk: films solved at a time.
 
     Raises:
-        ValueError: a card that its own surface or a perfect diffuser contradicts (see `glazefit.film.films.cards`).
+        ValueError: a card that its own surface or a perfect diffuser contradicts (see `glazefit.film.films.cards`), or
+            a film that lacks a reading.
     """
     return Recovery.join(list(recover_chunks(films, instrument=instrument, noise=noise, chunk=chunk)))
 
@@ -243,10 +245,12 @@ def recover_chunks(
     films: Films, *, instrument: Instrument | None = None, noise: Noise | None = None, chunk: int = CHUNK
 ) -> Iterator[Recovery]:
     """As `recover_films`, a few films at a time, so that progress can be shown and an interrupt loses little."""
-    instrument, noise = instrument or Instrument(), noise or Noise()
-    cards(films, instrument, noise)  # refuse bad cards before the first chunk
     if len(films) == 0:
         raise ValueError("there are no films to recover")
+    if not films.complete:
+        raise ValueError("film by film, every film needs readings over both cards, and both cards bare: fit jointly")
+    instrument, noise = instrument or Instrument(), noise or estimate_noise(films)
+    cards(films, instrument, noise)  # refuse bad cards before the first chunk
     for first in range(0, len(films), chunk):
         yield _recover_chunk(films.take(slice(first, first + chunk)), instrument, noise, chunk)
 
@@ -255,7 +259,7 @@ def _recover_chunk(films: Films, instrument: Instrument, noise: Noise, chunk: in
     count, bands = len(films), films.wavelengths.size
     gloss = estimate_gloss(films, instrument, noise)
     # The light inside the paint does not know what the sphere includes: one program serves both.
-    optics = Instrument(Hemispherical(instrument.geometry.incidence), instrument.refractive_index)
+    optics = Instrument(replace(instrument.geometry, specular=True), instrument.refractive_index)
     table = _table(optics)
     # The last chunk is filled up, so that one compiled program serves all.
     spare = (chunk - count) * bands

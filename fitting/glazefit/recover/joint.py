@@ -1,58 +1,48 @@
 """Joint recovery: k and s of all paints at once, from pure films, tints and shades with known weights.
 
 A pure opaque film tells only k/s; its tint with a white that is known tells the rest. So all films are fitted
-together (`joint_problem`), each with a thickness of its own, by optimistix' Levenberg-Marquardt with a linear
+together (`joint_problem`), each with a thickness of its own, by Levenberg and Marquardt's method with a linear
 solver that knows the structure (`joint_solver`). Thicknesses are relative: the unit is that of a typical film.
 """
 
-import functools
 from collections.abc import Mapping
-from typing import Any
+from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
-import lineax as lx
 import numpy as np
-import optimistix as optx
 from jaxtyping import Array, Float
+
+from glazejax import Pigment
 
 from ..film.films import Films, Instrument, Noise, cards
 from ..film.gloss import estimate_gloss
 from ..film.mixing import MixingLaw, weight_table
+from ..film.noise import estimate_noise
 from ..film.response import Response, film_response
 from .joint_problem import (
     Expectations,
     JointProblem,
     Unknowns,
     curvature_matrix,
+    deviations,
     minor_parts,
     model_deviation,
     optical_thickness,
     readings,
-    residuals,
+    totals,
 )
 from .joint_result import JointRecovery
-from .joint_solver import JointSteps, covariance, draw, factorise, normal_matrix
+from .joint_solver import Factors, covariance, draws, least_squares, shared_with_bands
+from .known import SLACK, Gauge, Told, tell
 
 MAX_STEPS = 100
+UNIT = 25e-6
+"""Thickness of a film of unit relative thickness where none is known, m."""
 # Kept with a recovery, for the errors of what it predicts.
 DRAWS = 128
 # Logarithms of coefficients start far off; undamped first steps would throw some to where nothing has a slope.
 _FIRST_STEP = 1e-4
-# In units of a logarithm, and relative for the residuals: a thousandth of a coefficient.
-_SETTLED = 1e-3
-
-
-class _Trust(optx.ClassicalTrustRegion):
-    """Trust region whose first step has a given size."""
-
-    first: Any = 1.0
-
-    def init(self, y: Any, f_info_struct: Any) -> Any:
-        """State with the first step's size."""
-        state = super().init(y, f_info_struct)
-        return eqx.tree_at(lambda s: s.step_size, state, jnp.asarray(self.first))
 
 
 def recover_jointly(
@@ -67,34 +57,45 @@ def recover_jointly(
     start: Unknowns | None = None,
     max_steps: int = MAX_STEPS,
     response: Response | None = None,
+    known: Mapping[str, Pigment] | None = None,
+    gauge: Gauge | None = None,
+    unit: float = UNIT,
 ) -> JointRecovery:
     """Absorption and scattering of all paints in some films, fitted together.
 
     Args:
-        films: measured over a black and a white card.
+        films: measured over a black and a white card, or one of them, or opaque.
         recipes: sample -> paint -> weight, in any unit, of every film.
         instrument: by default d:8 with the specular part, refractive index 1.5.
-        noise: of a reading; `expectations` adds what the model may be off.
+        noise: of a reading, by default told from the readings' roughness; `expectations` adds what the model may be
+            off.
         law: mixing law, by default linear by mass.
         expectations: what is expected beforehand.
         use: (films,), 0 for films that are held out and predicted, 1 for the others; by default all ones.
         start: where to start, such as `JointRecovery.unknowns` of a fit of the same films.
         max_steps: of the solver, in each of its two stages.
         response: model of one film, by default that of the instrument (`glazefit.film.response.film_response`).
+        known: paints whose k and s are known, with their errors: the films do not change them, and they fix the scale
+            of the others.
+        gauge: thicknesses of films.
+        unit: thickness of a film of unit relative thickness, m; matters where paints or thicknesses are known.
 
     Raises:
-        ValueError: a film without a recipe, no film, or cards that are not possible (see `glazefit.film.films.cards`).
+        ValueError: a film without a recipe, no film, cards that are not possible (see `glazefit.film.films.cards`), a
+            known paint that does not cover the films' wavelengths, or a film of the gauge's that there is not.
     """
     if len(films) == 0:
         raise ValueError("there are no films to recover")
-    instrument, noise, law = instrument or Instrument(), noise or Noise(), law or MixingLaw()
+    instrument, law = instrument or Instrument(), law or MixingLaw()
+    noise = noise or estimate_noise(films if use is None else films.take(np.flatnonzero(use).tolist()))
     paints, weights = weight_table(films.names, recipes)
     shares = law.shares(weights, paints)
     expected = expectations or Expectations()
-    problem = pose(films, shares, law, instrument, noise, expected)
+    told = tell(films, paints, known or {}, gauge, unit, expected.thickness)
+    problem = pose(films, shares, law, instrument, noise, expected, told)
     deviation = np.moveaxis(1.0 / np.asarray(problem.weight), 0, -1)
-    if use is not None:
-        problem = problem._replace(weight=problem.weight * jnp.asarray(use)[None, :, None])
+    kept = films.seen if use is None else films.seen * use[:, None]
+    problem = problem._replace(weight=problem.weight * jnp.asarray(kept, dtype=problem.weight.dtype))
     response = response or film_response(instrument.geometry, instrument.refractive_index)
     if start is None:
         # Weights and gloss as stated first: set free at once, they explain what thicknesses and spectra should.
@@ -103,29 +104,35 @@ def recover_jointly(
             paint_scale=0.03 * problem.paint_scale,
             tail=jnp.asarray(1e6),
         )
-        start, _, _ = fit(stiff, response, first_guess(problem), _FIRST_STEP, max_steps)
-    solution, steps, settled = fit(problem, response, start, 1.0, max_steps)
-    local, shared, drawn = spread(solution, problem, response, DRAWS)
-    kd, sd = optical_thickness(solution, problem.shares, problem.minor)
-    fitted = np.moveaxis(np.asarray(readings(solution, problem, response)), 0, -1)
+        first = least_squares(stiff, response, first_guess(problem), _FIRST_STEP, max_steps).point
+    else:
+        first = jax.jit(deviations)(start, problem)
+    solution, factors, steps, settled = least_squares(problem, response, first, 1.0, max_steps)
+    found = spread(solution, problem, factors, DRAWS)
+    whole, kd, sd, fitted = jax.tree.map(np.asarray, _described(solution, problem, response))
+    fitted = films.where_seen(np.moveaxis(fitted, 0, -1))
     return JointRecovery(
         films=films,
         paints=paints,
         shares=shares,
         law=law,
-        unknowns=jax.tree.map(np.asarray, solution),
-        log_covariance=np.asarray(local),
-        shared_covariance=np.asarray(shared),
-        draws=jax.tree.map(np.asarray, drawn),
-        film_absorption=np.asarray(kd).T,
-        film_scattering=np.asarray(sd).T,
+        unknowns=whole,
+        log_covariance=found.local,
+        shared_covariance=found.shared,
+        draws=found.draws,
+        film_absorption=kd.T,
+        film_scattering=sd.T,
         fitted_black=fitted[:, 0],
         fitted_white=fitted[:, 1],
         residual_sd=deviation,
         expectations=expected,
         instrument=instrument,
-        steps=int(steps),
-        converged=bool(settled),
+        steps=steps,
+        converged=settled,
+        noise=noise,
+        known=tuple(paint for paint, is_known in zip(paints, told.known, strict=True) if is_known),
+        known_modes=told.modes_of,
+        with_others=found.with_others,
     )
 
 
@@ -136,8 +143,10 @@ def pose(
     instrument: Instrument,
     noise: Noise,
     expected: Expectations,
+    told: Told | None = None,
 ) -> JointProblem:
     """Arrays of a joint problem."""
+    told = told or tell(films, ["" for _ in range(shares.shape[1])], {}, None, 1.0, expected.thickness)
     black, white, sd_black, sd_white = cards(films, instrument, noise)
     measured = np.stack([films.over_black, films.over_white], axis=-1)
     grounds = np.stack([black, white], axis=-1)
@@ -149,14 +158,14 @@ def pose(
     # A paint's own weight error: a share of it, and what the balance leaves open.
     part = np.einsum("fep,fp->fe", minor, shares)
     errors = np.hypot(expected.weight_share, expected.weight_floor / np.where(part > 0, part, 1.0))
-    scale = np.concatenate(
-        [np.full((count, 1), expected.thickness), np.full((count, 1), expected.gloss), errors], axis=1
-    )
+    scale = np.concatenate([told.thickness_sd[:, None], np.full((count, 1), expected.gloss), errors], axis=1)
     # A law without strengths holds them at nothing.
     strength = expected.strength if law.name == "strength" else 1e-6
     # A sum over the bands of pulls of sd * sqrt(bands) each is a pull of the mean by sd.
     pull = np.repeat([expected.level_k, expected.level_s], paints, axis=0) * [1.0, np.sqrt(len(films.wavelengths))]
     stiffness = np.repeat([1.0 / expected.curvature_k, 1.0 / expected.curvature_s], paints)
+    fixed = np.tile(told.known, 2)
+    pull[fixed], stiffness[fixed] = (0.0, SLACK), 0.0
     arrays = {
         "reading": np.moveaxis(measured, 1, 0),
         "ground": np.moveaxis(grounds, 1, 0),
@@ -171,6 +180,12 @@ def pose(
         "paint_mean": np.stack([paint_gloss(films, shares, instrument, noise), np.zeros(paints)], axis=1),
         "paint_scale": np.tile([expected.paint_gloss, strength], (paints, 1)),
         "tail": expected.tail,
+        "known": told.logs,
+        "opaque": films.opaque.astype(float),
+        "film_mean": told.thickness,
+        "band_modes": told.band_modes,
+        "ground_modes": told.ground_modes,
+        "thickness_modes": told.thickness_modes,
     }
     return JointProblem(**{name: jnp.asarray(array) for name, array in arrays.items()})
 
@@ -188,39 +203,46 @@ def first_guess(problem: JointProblem) -> Unknowns:
     """Grey paints, all alike, and films as expected."""
     bands = problem.reading.shape[0]
     return Unknowns(
-        jnp.broadcast_to(problem.pull[:, 0], (bands, problem.pull.shape[0])),
+        jnp.broadcast_to(problem.pull[:, 0], (bands, problem.pull.shape[0])) + problem.known,
         jnp.zeros(problem.film_scale.shape),
         problem.paint_mean,
+        jnp.zeros(len(problem.thickness_modes)),
     )
 
 
-def _steps(problem: JointProblem) -> JointSteps:
-    return JointSteps(problem.curvature.T @ problem.curvature, problem.stiffness)
+@jax.jit
+def _described(
+    solution: Unknowns, problem: JointProblem, response: Response
+) -> tuple[Unknowns, Float[Array, "bands films"], Float[Array, "bands films"], Float[Array, "bands films 2"]]:
+    """Totals, optical thicknesses and readings, in one program."""
+    whole = totals(solution, problem)
+    return whole, *optical_thickness(whole, problem), readings(solution, problem, response)
 
 
-@functools.partial(jax.jit, static_argnames="max_steps")
-def fit(
-    problem: JointProblem, response: Response, start: Unknowns, first_step: float | Array, max_steps: int
-) -> tuple[Unknowns, Array, Array]:
-    """Least squares from a start: solution, number of steps, whether they settled."""
-    solver = optx.LevenbergMarquardt(rtol=_SETTLED, atol=_SETTLED, linear_solver=_steps(problem))
-    solver = eqx.tree_at(lambda s: s.search, solver, _Trust(first=first_step))
-    solution = optx.least_squares(residuals, solver, start, args=(problem, response), max_steps=max_steps, throw=False)
-    return solution.value, solution.stats["num_steps"], solution.result == optx.RESULTS.successful
+class Spread(NamedTuple):
+    """Laplace's approximation of `totals`."""
+
+    local: Float[np.ndarray, "bands local local"]  # covariance at each band
+    shared: Float[np.ndarray, "shared shared"]  # of what all bands share: films, paints, others
+    with_others: Float[np.ndarray, "others bands local"]  # of the others with the bands
+    draws: Unknowns
 
 
-@functools.partial(jax.jit, static_argnames="draws")
-def spread(
-    solution: Unknowns, problem: JointProblem, response: Response, draws: int
-) -> tuple[Float[Array, "bands local local"], Float[Array, "shared shared"], Unknowns]:
-    """Laplace: inverse of the normal matrix at the solution, per band and of the shared unknowns; and draws from it."""
-    _, tangent = jax.linearize(lambda y: residuals(y, (problem, response)), solution)
-    operator = lx.FunctionLinearOperator(tangent, jax.eval_shape(lambda: solution))
-    steps = _steps(problem)
-    factors = factorise(normal_matrix(operator, steps.curvature, steps.stiffness))
-    own, common = jax.random.split(jax.random.key(0))
-    pairs = jax.random.normal(own, (draws, *factors.border.shape[:2]))
-    shared = jax.random.normal(common, (draws, factors.corner.shape[0]))
-    # One after the other: batched triangular solves can deadlock on a CPU.
-    off = jax.lax.map(lambda normal: draw(factors, solution, *normal), (pairs, shared))
-    return *covariance(factors, problem.reading.shape[0]), jax.tree.map(jnp.add, solution, off)
+def spread(solution: Unknowns, problem: JointProblem, factors: Factors, count: int) -> Spread:
+    """Inverse of the normal matrix at the solution, in blocks, and draws from it."""
+    modes, thickness = np.asarray(problem.band_modes), np.asarray(problem.thickness_modes)
+    bands, others = len(problem.reading), len(thickness)
+    drawn = jax.tree.map(np.add, solution, draws(factors, solution, count))
+    drawn.films[:, :, 0] += np.asarray(problem.film_mean) + drawn.others @ thickness
+    drawn = drawn._replace(bands=drawn.bands + np.einsum("do,obi->dbi", drawn.others, modes))
+    local, corner = covariance(factors, bands)
+    across = shared_with_bands(factors, bands, others)
+    # What the others add to the bands, and to the films' thickness.
+    own = corner[len(corner) - others :, len(corner) - others :]
+    both = np.einsum("obi,obj->bij", across, modes)
+    with_others = across + np.einsum("op,pbi->obi", own, modes)
+    local = local + both + np.swapaxes(both, 1, 2) + np.einsum("obi,op,pbj->bij", modes, own, modes)
+    films, each = problem.film_scale.shape
+    added = np.eye(len(corner))
+    added[: films * each : each, len(corner) - others :] += thickness.T
+    return Spread(local, added @ corner @ added.T, with_others, drawn)

@@ -8,10 +8,15 @@ largest; of every paint the logs of its gloss and of its strength. A reading ove
 
 with c from the mixing law and the weights, each weight times exp(e). Everything is a sum of squares: residuals of
 the readings, the curvature of log k and log s along the wavelengths, and the priors.
+
+What else may be off, all standard normal beforehand, are the `others` (see `known`): error modes of paints that are
+known already, the level of cards that were not measured, and a factor of all thicknesses. They are added to the bands'
+and the films' unknowns, which are then deviations; `totals` adds them up.
 """
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -19,7 +24,7 @@ from jaxtyping import Array, Float
 from ..film.films import Noise
 from ..film.least_squares import root_of_log1p
 from ..film.mixing import strengthen
-from ..film.response import Response
+from ..film.response import HIGHEST, Response
 
 
 class Expectations(NamedTuple):
@@ -66,6 +71,7 @@ class Unknowns(NamedTuple):
     bands: Float[Array, "bands 2*paints"]  # log k of all paints, then log s, for unit thickness
     films: Float[Array, "films 2+parts"]  # log thickness, log gloss beside its paints', errors of log weights
     paints: Float[Array, "paints 2"]  # log gloss, log strength
+    others: Float[Array, "others"] = np.zeros(0)  # pyright: ignore[reportAssignmentType]  # errors of what is known
 
 
 class JointProblem(NamedTuple):
@@ -80,10 +86,16 @@ class JointProblem(NamedTuple):
     curvature: Float[Array, "inner bands"]  # second difference in units of (10 nm)^-2, for a weight of 1
     stiffness: Float[Array, "2*paints"]  # one over the expected curvature
     pull: Float[Array, "2*paints 2"]  # mean and one over the standard deviation of log k and log s
+    known: Float[Array, "bands 2*paints"]  # added to the mean: logs of paints that are known
     film_scale: Float[Array, "films 2+parts"]  # standard deviations expected
     paint_mean: Float[Array, "paints 2"]
     paint_scale: Float[Array, "paints 2"]
     tail: Float[Array, ""]  # degrees of freedom of Student's t of weights' errors
+    opaque: Float[Array, "films"]  # 1 where a film hides whatever is below
+    film_mean: Float[Array, "films"]  # log thickness expected
+    band_modes: Float[Array, "others bands 2*paints"]
+    ground_modes: Float[Array, "others films 2"]  # of log(rho / (1 - rho))
+    thickness_modes: Float[Array, "others films"]
 
 
 class JointResiduals(NamedTuple):
@@ -94,25 +106,47 @@ class JointResiduals(NamedTuple):
     pull: Float[Array, "bands 2*paints"]
     films: Float[Array, "films 2+parts"]
     paints: Float[Array, "paints 2"]
+    others: Float[Array, "others"]
+
+
+def totals(unknowns: Unknowns, problem: JointProblem) -> Unknowns:
+    """Logs of coefficients and of thicknesses as they are, with what the others add."""
+    thickness = problem.film_mean + unknowns.others @ problem.thickness_modes
+    return unknowns._replace(
+        bands=unknowns.bands + jnp.einsum("o,obi->bi", unknowns.others, problem.band_modes),
+        films=jnp.asarray(unknowns.films).at[:, 0].add(thickness),
+    )
+
+
+def deviations(unknowns: Unknowns, problem: JointProblem) -> Unknowns:
+    """The opposite of `totals`."""
+    nothing = jax.tree.map(jnp.zeros_like, unknowns)._replace(others=unknowns.others)
+    return jax.tree.map(jnp.subtract, unknowns, totals(nothing, problem))._replace(others=unknowns.others)
 
 
 def optical_thickness(
-    unknowns: Unknowns, shares: Float[Array, "films paints"], minor: Float[Array, "films parts paints"]
+    unknowns: Unknowns, problem: JointProblem
 ) -> tuple[Float[Array, "bands films"], Float[Array, "bands films"]]:
-    """Optical thicknesses k d and s d of the films."""
-    paints = shares.shape[1]
-    errors = jnp.einsum("fe,fep->fp", unknowns.films[:, 2:], minor)
-    effective = strengthen(shares * jnp.exp(errors), unknowns.paints[:, 1], jnp)
+    """Optical thicknesses k d and s d of the films, from `totals`."""
+    paints = problem.shares.shape[1]
+    errors = jnp.einsum("fe,fep->fp", unknowns.films[:, 2:], problem.minor)
+    effective = strengthen(problem.shares * jnp.exp(errors), unknowns.paints[:, 1], jnp)
     amounts = jnp.exp(unknowns.films[:, :1]) * effective
     coefficients = jnp.exp(unknowns.bands)
-    return coefficients[:, :paints] @ amounts.T, coefficients[:, paints:] @ amounts.T
+    kd, sd = coefficients[:, :paints] @ amounts.T, coefficients[:, paints:] @ amounts.T
+    # As thick as the response goes, so that only k/s counts.
+    thick = jnp.where(problem.opaque > 0, 0.999 * jnp.minimum(HIGHEST[0] / kd, HIGHEST[1] / sd), 1.0)
+    return kd * thick, sd * thick
 
 
 def readings(unknowns: Unknowns, problem: JointProblem, response: Response) -> Float[Array, "bands films 2"]:
-    """What the instrument reads over both cards."""
-    kd, sd = optical_thickness(unknowns, problem.shares, problem.minor)
-    gloss = jnp.exp(problem.shares @ unknowns.paints[:, 0] + unknowns.films[:, 1])
-    return problem.surface * gloss[:, None] + response.body(kd[..., None], sd[..., None], problem.ground)
+    """What the instrument reads over both cards, from deviations."""
+    odds = jnp.exp(jnp.einsum("o,ofc->fc", unknowns.others, problem.ground_modes))
+    ground = problem.ground * odds / (1.0 - problem.ground + problem.ground * odds)
+    whole = totals(unknowns, problem)
+    kd, sd = optical_thickness(whole, problem)
+    gloss = jnp.exp(problem.shares @ whole.paints[:, 0] + whole.films[:, 1])
+    return problem.surface * gloss[:, None] + response.body(kd[..., None], sd[..., None], ground)
 
 
 def residuals(unknowns: Unknowns, args: tuple[JointProblem, Response]) -> JointResiduals:
@@ -122,9 +156,10 @@ def residuals(unknowns: Unknowns, args: tuple[JointProblem, Response]) -> JointR
     return JointResiduals(
         data=(readings(unknowns, problem, response) - problem.reading) * problem.weight,
         curvature=(problem.curvature @ unknowns.bands) * problem.stiffness,
-        pull=(unknowns.bands - problem.pull[:, 0]) * problem.pull[:, 1],
+        pull=(unknowns.bands - problem.pull[:, 0] - problem.known) * problem.pull[:, 1],
         films=jnp.concatenate([expected[:, :2], heavy_tail(expected[:, 2:], problem.tail)], axis=1),
         paints=(unknowns.paints - problem.paint_mean) / problem.paint_scale,
+        others=unknowns.others,
     )
 
 

@@ -1,5 +1,6 @@
 """What a joint recovery found: paints, films, and how well each is known."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -8,9 +9,10 @@ from jaxtyping import Bool, Float
 
 from glazejax import Pigment
 
-from ..film.films import Films, Instrument
+from ..film.films import Films, Instrument, Noise
 from ..film.mixing import MixingLaw
 from .joint_problem import Expectations, Unknowns
+from .known import Modes
 from .result import FittedFilms, delta_e_over_cards
 
 MODES = 32
@@ -39,6 +41,10 @@ class JointRecovery(FittedFilms):
         residual_sd: expected size of a residual, noise and model together, (films, 2, bands).
         expectations, instrument: as given.
         steps, converged: of the solver.
+        noise: of a reading, as given or as told from the readings.
+        known: names of the paints that were known before.
+        known_modes: known paint -> its error modes' places among the unknowns' `others`.
+        with_others: covariance of the others with log k of all paints, then log s, (others, bands, 2 paints).
     """
 
     films: Films
@@ -58,6 +64,14 @@ class JointRecovery(FittedFilms):
     instrument: Instrument
     steps: int
     converged: bool
+    noise: Noise
+    known: tuple[str, ...]
+    known_modes: Mapping[str, Modes]
+    with_others: Float[np.ndarray, "others bands coefficients"]
+
+    @cached_property
+    def _modes(self) -> Float[np.ndarray, "modes 2 paints bands"]:
+        return self.error_modes()
 
     @cached_property
     def _modes(self) -> Float[np.ndarray, "modes 2 paints bands"]:
@@ -115,7 +129,7 @@ class JointRecovery(FittedFilms):
     def delta_e(self, illuminant: str = "D65", observer: str | int = 10) -> Float[np.ndarray, "films 2"]:
         """CIEDE2000 of fitted from measured spectra, over black and over white."""
         fitted, measured = (self.fitted_black, self.fitted_white), (self.films.over_black, self.films.over_white)
-        return delta_e_over_cards(self.wavelengths, fitted, measured, illuminant, observer)
+        return self.films.where_seen(delta_e_over_cards(self.wavelengths, fitted, measured, illuminant, observer))
 
     def recipe(self, film: int) -> dict[str, float]:
         """Paints of a film, by number, and the share of each, in the order of `paints`."""

@@ -5,19 +5,28 @@ neighbours on either side. Ordered by bands, two bands a block, the normal equat
 of shared unknowns, so a step costs bands x paints^3, not (bands x paints)^3.
 
 Columns of the Jacobian are found by differentiating along unit steps of all bands at once, and of all films at once: a
-reading moves with its own only.
+reading moves with its own only. That is one compiled program; the blocks are then solved in NumPy, which takes
+milliseconds, where a compiled solver takes half a minute to compile for every new number of films.
 """
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
-import lineax as lx
-from jax.scipy.linalg import cho_solve, solve_triangular
-from jaxtyping import Array, Float, PyTree
+import numpy as np
+from jaxtyping import Array, Float
+from scipy.linalg import get_lapack_funcs
 
-from ..film.least_squares import FullRankSolver
-from .joint_problem import JointResiduals, Unknowns
+from ..film.response import Response
+from .joint_problem import JointProblem, JointResiduals, Unknowns, residuals
+
+# Of the damping, as a step is foretold well or badly: the usual rule of a trust region.
+_GOOD, _BAD = 0.75, 0.25
+_WIDER, _NARROWER = 3.5, 0.25
+_LEAST_STEP = 1e-12
+# In units of a logarithm, and relative: a thousandth of a coefficient.
+_SETTLED = 1e-3
 
 
 class Normal(NamedTuple):
@@ -30,78 +39,132 @@ class Normal(NamedTuple):
 
 
 class Factors(NamedTuple):
-    """Cholesky factors of `Normal`."""
+    """Cholesky factors of `Normal`; those on the diagonal are inverted, as they are needed so."""
 
-    roots: Float[Array, "pairs n n"]
-    below: Float[Array, "pairs n n"]  # off-diagonal blocks of the factor
-    border: Float[Array, "pairs n shared"]
-    corner: Float[Array, "shared shared"]
+    roots: Float[np.ndarray, "pairs n n"]
+    below: Float[np.ndarray, "pairs n n"]  # off-diagonal blocks of the factor
+    border: Float[np.ndarray, "pairs n shared"]
+    corner: Float[np.ndarray, "shared shared"]
 
 
-class JointSteps(FullRankSolver[Any]):
-    """lineax solver for the damped least-squares operator of `joint_problem.residuals`.
+class Seen(NamedTuple):
+    """The problem near a point."""
 
-    Not for vmap: it factorises with LAPACK, one matrix at a time.
+    cost: Float[Array, ""]  # half the sum of squares
+    gradient: Unknowns
+    normal: Normal
+
+
+@jax.jit
+def look(problem: JointProblem, response: Response, point: Unknowns) -> Seen:
+    """Cost, its gradient, and the normal matrix at a point."""
+    there, along = jax.linearize(lambda y: residuals(y, (problem, response)), point)
+    (gradient,) = jax.linear_transpose(along, point)(there)
+    cost = 0.5 * sum(jnp.sum(part**2) for part in there)
+    return Seen(jnp.asarray(cost), gradient, normal_matrix(along, point, problem))
+
+
+class Fit(NamedTuple):
+    """Where a fit ended: the point, the factors there, the number of steps, and whether they settled."""
+
+    point: Unknowns
+    factors: Factors
+    steps: int
+    settled: bool
+
+
+def least_squares(problem: JointProblem, response: Response, start: Unknowns, first_step: float, max_steps: int) -> Fit:
+    """Levenberg and Marquardt's least squares from a start.
+
+    Args:
+        problem, response: see `residuals`.
+        start: first point.
+        first_step: one over the damping of the first step.
+        max_steps: that are tried.
     """
+    point, step, settled = jax.tree.map(np.asarray, start), first_step, False
+    here = _look(problem, response, point)
+    steps = 0
+    while steps < max_steps and not settled and step > _LEAST_STEP:
+        steps += 1
+        move, gain = _move(here, step)
+        if move is None:
+            step *= _NARROWER
+            continue
+        tried = jax.tree.map(np.add, point, move)
+        there = _look(problem, response, tried)
+        reached = float(here.cost) - float(there.cost)
+        share = reached / gain if np.isfinite(reached) and gain > 0 else -1.0
+        if share > 0:
+            settled = _small(move, tried) and reached < _SETTLED * (1.0 + float(there.cost))
+            point, here = tried, there
+        elif gain <= _SETTLED**2 * float(here.cost):
+            settled = True
+        step *= _WIDER if share > _GOOD else _NARROWER if share < _BAD else 1.0
+    return Fit(point, factorise(here.normal), steps, settled)
 
-    curvature: Float[Array, "bands bands"]  # inner product of the curvature rows
-    stiffness: Float[Array, "local"]  # of log k of all paints, then log s
 
-    def init(self, operator: lx.AbstractLinearOperator, options: dict[str, Any]) -> Any:
-        """Build and factorise the normal matrix."""
-        del options
-        normal = normal_matrix(operator, self.curvature, self.stiffness)
-        return factorise(normal), operator
-
-    def compute(
-        self, state: Any, vector: PyTree[Array], options: dict[str, Any]
-    ) -> tuple[PyTree[Array], lx.RESULTS, dict[str, Any]]:
-        """Least-squares solution for one right-hand side."""
-        del options
-        factors, operator = state
-        (gradient,) = jax.linear_transpose(operator.mv, operator.in_structure())(vector)
-        return solve(factors, gradient), lx.RESULTS.successful, {}
+def _look(problem: JointProblem, response: Response, point: Unknowns) -> Seen:
+    return jax.tree.map(np.asarray, look(problem, response, point))
 
 
-def normal_matrix(
-    operator: lx.AbstractLinearOperator,
-    curvature: Float[Array, "bands bands"],
-    stiffness: Float[Array, "local"],
-) -> Normal:
-    """Normal matrix from an operator whose output is `JointResiduals`, or that and the damping's own part."""
-    zero = jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), operator.in_structure())
+def _move(here: Seen, step: float) -> tuple[Unknowns | None, float]:
+    """Damped step down, and by how much it should lower the cost; None where the damping does not do."""
+    try:
+        move = solve(factorise(here.normal, 1.0 / step), here.gradient)
+    except np.linalg.LinAlgError:
+        return None, 0.0
+    move = jax.tree.map(np.negative, move)
+    slope = sum(float(np.sum(g * m)) for g, m in zip(here.gradient, move, strict=True))
+    square = sum(float(np.sum(m * m)) for m in move)
+    # The normal equations give m' N m = -slope - square/step.
+    return move, -slope - 0.5 * (-slope - square / step)
+
+
+def _small(move: Unknowns, point: Unknowns) -> bool:
+    return all(bool(np.all(np.abs(m) < _SETTLED * (1.0 + np.abs(p)))) for m, p in zip(move, point, strict=True))
+
+
+def normal_matrix(along: Callable[[Unknowns], JointResiduals], point: Unknowns, problem: JointProblem) -> Normal:
+    """Normal matrix from the residuals' derivative along a step."""
+    zero = jax.tree.map(jnp.zeros_like, point)
     bands, local = zero.bands.shape
     films, each = zero.films.shape
     paints = zero.paints.size
 
-    def along(step: Unknowns) -> tuple[JointResiduals, Unknowns]:
-        out: Any = operator.mv(step)
-        return (out, zero) if isinstance(out, JointResiduals) else out
-
-    def columns(name: str, steps: Float[Array, "columns ..."]) -> tuple[JointResiduals, Unknowns]:
+    def columns(name: str, steps: Float[Array, "columns ..."]) -> JointResiduals:
         return jax.vmap(lambda step: along(zero._replace(**{name: step})))(steps)
 
     every_band = jnp.broadcast_to(jnp.eye(local)[:, None], (local, bands, local))
     every_film = jnp.broadcast_to(jnp.eye(each)[:, None], (each, films, each))
-    by_band, damped = columns("bands", every_band)
-    by_film, damped_films = columns("films", every_film)
-    by_paint, damped_paints = columns("paints", jnp.eye(paints).reshape(paints, *zero.paints.shape))
+    by_band = columns("bands", every_band)
+    by_film = columns("films", every_film)
+    by_paint = columns("paints", jnp.eye(paints).reshape(paints, *zero.paints.shape))
+    by_paint_data, alone = by_paint.data, _squares(by_paint.paints)
+    if zero.others.size:
+        # Dense as the paints' are, so they go with them.
+        by_other = columns("others", jnp.eye(zero.others.size))
+        by_paint_data = jnp.concatenate([by_paint_data, by_other.data])
+        alone = jnp.concatenate([alone, _squares(by_other.others)])
+    paints = len(alone)
     # Rows of readings: (local, bands, films, 2) and so on.
     inner = jnp.einsum("ibfc,jbfc->bij", by_band.data, by_band.data)
-    pulls = jnp.einsum("ibi->bi", by_band.pull) ** 2 + jnp.einsum("ibi->bi", damped.bands) ** 2
-    inner = inner + jax.vmap(jnp.diag)(pulls)
+    inner = inner + jax.vmap(jnp.diag)(jnp.einsum("ibi->bi", by_band.pull) ** 2)
 
     to_films = jnp.einsum("ibfc,ebfc->bife", by_band.data, by_film.data).reshape(bands, local, films * each)
-    to_paints = jnp.einsum("ibfc,pbfc->bip", by_band.data, by_paint.data)
+    to_paints = jnp.einsum("ibfc,pbfc->bip", by_band.data, by_paint_data)
     own = jnp.einsum("dbfc,ebfc->fde", by_film.data, by_film.data)
-    expected = jnp.einsum("efe->fe", by_film.films) ** 2 + jnp.einsum("efe->fe", damped_films.films) ** 2
-    own = own + jax.vmap(jnp.diag)(expected)
-    between = jnp.einsum("ebfc,pbfc->fep", by_film.data, by_paint.data).reshape(films * each, paints)
-    gloss = jnp.einsum("pbfc,qbfc->pq", by_paint.data, by_paint.data)
-    alone = jnp.diagonal(by_paint.paints.reshape(paints, paints)) ** 2
-    gloss = gloss + jnp.diag(alone + jnp.diagonal(damped_paints.paints.reshape(paints, paints)) ** 2)
+    own = own + jax.vmap(jnp.diag)(jnp.einsum("efe->fe", by_film.films) ** 2)
+    between = jnp.einsum("ebfc,pbfc->fep", by_film.data, by_paint_data).reshape(films * each, paints)
+    gloss = jnp.einsum("pbfc,qbfc->pq", by_paint_data, by_paint_data) + jnp.diag(alone)
     corner = jnp.block([[jax.scipy.linalg.block_diag(*own), between], [between.T, gloss]])
-    return _paired(inner, jnp.concatenate([to_films, to_paints], axis=-1), corner, curvature, stiffness)
+    curvature = problem.curvature.T @ problem.curvature
+    return _paired(inner, jnp.concatenate([to_films, to_paints], axis=-1), corner, curvature, problem.stiffness)
+
+
+def _squares(columns: Float[Array, "n *each"]) -> Float[Array, "n"]:
+    """Squares of the diagonal of as many columns as unknowns."""
+    return jnp.diagonal(columns.reshape(len(columns), -1)) ** 2
 
 
 def _paired(
@@ -128,90 +191,119 @@ def _paired(
     return Normal(diagonal.reshape(pairs, n, n), lower.reshape(pairs, n, n), border.reshape(pairs, n, -1), corner)
 
 
-def factorise(normal: Normal) -> Factors:
-    """Block Cholesky factorisation, pair by pair, then of the shared corner."""
+def factorise(normal: Normal, damping: float = 0.0) -> Factors:
+    """Block Cholesky factorisation, pair by pair, then of the shared corner.
 
-    def eliminate(before, blocks):
-        root_before, border_before, first = before
-        diagonal, lower, border = blocks
-        below = jnp.where(first, 0.0, solve_triangular(root_before, lower.T, lower=True).T)
-        root = jnp.linalg.cholesky(diagonal - below @ below.T)
-        border = solve_triangular(root, border - below @ border_before, lower=True)
-        return (root, border, jnp.asarray(False)), (root, below, border)
-
-    n, shared = normal.border.shape[1:]
-    start = (jnp.eye(n), jnp.zeros((n, shared)), jnp.asarray(True))
-    _, (roots, below, border) = jax.lax.scan(eliminate, start, (normal.diagonal, normal.lower, normal.border))
+    Raises:
+        numpy.linalg.LinAlgError: the matrix is not positive definite.
+    """
+    diagonal, lower, border, corner = (np.array(part) for part in normal)
+    pairs, n, shared = border.shape
+    diagonal[:, range(n), range(n)] += damping
+    corner[range(shared), range(shared)] += damping
+    roots, below = np.zeros_like(diagonal), np.zeros_like(lower)
+    for pair in range(pairs):
+        here = diagonal[pair]
+        if pair:
+            below[pair] = lower[pair] @ roots[pair - 1].T
+            here = here - below[pair] @ below[pair].T
+            border[pair] -= below[pair] @ border[pair - 1]
+        roots[pair] = _inverse_root(here)
+        border[pair] = roots[pair] @ border[pair]
     flat = border.reshape(-1, shared)
-    return Factors(roots, below, border, jnp.linalg.cholesky(normal.corner - flat.T @ flat))
+    return Factors(roots, below, border, _inverse_root(corner - flat.T @ flat))
+
+
+def _inverse_root(matrix: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n n"]:
+    """Inverse of the lower Cholesky factor.
+
+    By LAPACK's trtri: `solve_triangular` starts threads even for eight rows, and takes a thousand times as long where
+    other programs keep the cores busy.
+    """
+    root = np.linalg.cholesky(matrix)
+    (invert,) = get_lapack_funcs(("trtri",), (root,))
+    return np.tril(invert(root, lower=1)[0])
 
 
 def solve(factors: Factors, vector: Unknowns) -> Unknowns:
     """Solve the normal equations for one right-hand side."""
     pairs, n, _ = factors.border.shape
-    padded = jnp.pad(vector.bands, ((0, 2 * pairs - len(vector.bands)), (0, 0))).reshape(pairs, n)
-    shared = jnp.concatenate([vector.films.ravel(), vector.paints.ravel()])
-
-    def down(before, blocks):
-        root, below, right = blocks
-        value = solve_triangular(root, right - below @ before, lower=True)
-        return value, value
-
-    _, forward = jax.lax.scan(down, jnp.zeros(n), (factors.roots, factors.below, padded))
-    reduced = shared - jnp.einsum("pns,pn->s", factors.border, forward)
-    common = cho_solve((factors.corner, True), reduced)
-    rest = forward - factors.border @ common
-    return _unflatten(_back(factors, rest), common, vector)
+    forward = np.pad(vector.bands, ((0, 2 * pairs - len(vector.bands)), (0, 0))).reshape(pairs, n)
+    shared = np.concatenate([np.ravel(part) for part in vector[1:]])
+    for pair in range(pairs):
+        before = factors.below[pair] @ forward[pair - 1] if pair else 0.0
+        forward[pair] = factors.roots[pair] @ (forward[pair] - before)
+    rest = shared - np.einsum("pns,pn->s", factors.border, forward)
+    common = factors.corner.T @ (factors.corner @ rest)
+    bands = _back(factors, forward - factors.border @ common)
+    return unflattened(bands[None], common[None], vector, 0)
 
 
-def draw(factors: Factors, like: Unknowns, pairs: Float[Array, "pairs n"], shared: Float[Array, "shared"]) -> Unknowns:
-    """Deviation with the inverse normal matrix as covariance, from independent standard normal numbers."""
-    common = solve_triangular(factors.corner, shared, lower=True, trans=1)
-    return _unflatten(_back(factors, pairs - factors.border @ common), common, like)
+def draws(factors: Factors, like: Unknowns, count: int, seed: int = 0) -> Unknowns:
+    """Deviations with the inverse normal matrix as covariance, each with a leading axis of draws."""
+    rng = np.random.default_rng(seed)
+    pairs, n, shared = factors.border.shape
+    common = factors.corner.T @ rng.standard_normal((shared, count))
+    bands = _back(factors, rng.standard_normal((pairs, n, count)) - factors.border @ common)
+    return unflattened(np.moveaxis(bands, -1, 0), common.T, like)
 
 
-def _back(factors: Factors, right: Float[Array, "pairs n"]) -> Float[Array, "pairs n"]:
+def _back(factors: Factors, right: Float[np.ndarray, "pairs n *columns"]) -> Float[np.ndarray, "pairs n *columns"]:
     """Solve with the transposed factor of the bands."""
-
-    def up(after, blocks):
-        root, below_after, right = blocks
-        value = solve_triangular(root, right - below_after.T @ after, lower=True, trans=1)
-        return value, value
-
-    n = right.shape[1]
-    below_after = jnp.concatenate([factors.below[1:], jnp.zeros((1, n, n))])
-    _, values = jax.lax.scan(up, jnp.zeros(n), (factors.roots, below_after, right), reverse=True)
+    values = np.array(right)
+    last = len(values) - 1
+    for pair in range(last, -1, -1):
+        after = factors.below[pair + 1].T @ values[pair + 1] if pair < last else 0.0
+        values[pair] = factors.roots[pair].T @ (values[pair] - after)
     return values
 
 
-def _unflatten(bands: Float[Array, "pairs n"], shared: Float[Array, "shared"], like: Unknowns) -> Unknowns:
-    films, paints = shared[: like.films.size], shared[like.films.size :]
+def unflattened(
+    bands: Float[np.ndarray, "count pairs n"],
+    shared: Float[np.ndarray, "count shared"],
+    like: Unknowns,
+    only: int | None = None,
+) -> Unknowns:
+    """Unknowns from the blocks of bands and the shared numbers of several vectors, or of one."""
     count, local = like.bands.shape
-    return Unknowns(
-        bands.reshape(-1, local)[:count], films.reshape(like.films.shape), paints.reshape(like.paints.shape)
-    )
+    films, paints, others = np.split(shared, [like.films.size, like.films.size + like.paints.size], axis=1)
+    parts: list[Any] = [
+        bands.reshape(len(bands), -1, local)[:, :count],
+        films.reshape(-1, *like.films.shape),
+        paints.reshape(-1, *like.paints.shape),
+        others,
+    ]
+    found = Unknowns(*parts)
+    return found if only is None else jax.tree.map(lambda part: part[only], found)
 
 
-def covariance(factors: Factors, bands: int) -> tuple[Float[Array, "bands local local"], Float[Array, "shared shared"]]:
+def shared_with_bands(factors: Factors, bands: int, last: int) -> Float[np.ndarray, "last bands local"]:
+    """Covariance of the last few shared unknowns with the unknowns of each band."""
+    pairs, n, shared = factors.border.shape
+    columns = (factors.corner.T @ factors.corner)[:, shared - last :]
+    found = _back(factors, -(factors.border @ columns))
+    return np.moveaxis(found, -1, 0).reshape(last, 2 * pairs, n // 2)[:, :bands]
+
+
+def covariance(
+    factors: Factors, bands: int
+) -> tuple[Float[np.ndarray, "bands local local"], Float[np.ndarray, "shared shared"]]:
     """Covariance of the unknowns of each band, and of the shared ones: blocks of the inverse normal matrix.
 
     By the recursion of Takahashi, Fagan, Chin (1973) on the block factors; nothing larger than a pair is inverted.
     """
-    _, n, shared = factors.border.shape
-    corner = cho_solve((factors.corner, True), jnp.eye(shared))
-
-    def up(after, blocks):
-        inner_after, spread_after = after
-        root, below_after, border = blocks
+    pairs, n, shared = factors.border.shape
+    corner = factors.corner.T @ factors.corner
+    inner, spread = np.zeros((n, n)), np.zeros((n, shared))
+    blocks = np.zeros((pairs, n, n))
+    for pair in range(pairs - 1, -1, -1):
+        root = factors.roots[pair]
         # Rows of the inverse factor: the block's own part, what the next pair adds, what the shared ones add.
-        gain = solve_triangular(root, below_after.T, lower=True, trans=1)
-        spread = solve_triangular(root, border, lower=True, trans=1) - gain @ spread_after
-        own = cho_solve((root, True), jnp.eye(n)) + gain @ inner_after @ gain.T
-        return (own, spread), own + spread @ corner @ spread.T
-
-    below_after = jnp.concatenate([factors.below[1:], jnp.zeros((1, n, n))])
-    start = (jnp.zeros((n, n)), jnp.zeros((n, shared)))
-    _, blocks = jax.lax.scan(up, start, (factors.roots, below_after, factors.border), reverse=True)
+        after = factors.below[pair + 1].T if pair < pairs - 1 else np.zeros((n, n))
+        gain = root.T @ after
+        spread = root.T @ factors.border[pair] - gain @ spread
+        inner = root.T @ root + gain @ inner @ gain.T
+        blocks[pair] = inner + spread @ corner @ spread.T
     m = n // 2
-    both = jnp.stack([blocks[:, :m, :m], blocks[:, m:, m:]], axis=1).reshape(-1, m, m)
+    both = np.stack([blocks[:, :m, :m], blocks[:, m:, m:]], axis=1).reshape(-1, m, m)
     return both[:bands], corner

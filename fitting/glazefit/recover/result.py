@@ -8,7 +8,7 @@ from jaxtyping import Bool, Float
 
 from glazejax import Pigment
 
-from ..film.films import Films
+from ..film.films import SPECTRA, Films
 
 CONTRAST_LIMIT = 5.0
 RELATIVE_LIMIT = 0.5
@@ -52,7 +52,8 @@ class FittedFilms:
     def residual(self) -> Float[np.ndarray, "films 2 bands"]:
         """Fitted minus measured reflectance, over black and over white."""
         films = self.films
-        return np.stack([self.fitted_black - films.over_black, self.fitted_white - films.over_white], axis=1)
+        both = np.stack([self.fitted_black - films.over_black, self.fitted_white - films.over_white], axis=1)
+        return films.where_seen(both)
 
     @property
     def rmse(self) -> Float[np.ndarray, "films"]:
@@ -175,10 +176,7 @@ class Recovery(FittedFilms):
         films = Films(
             tuple(name for part in parts for name in part.films.names),
             first.wavelengths,
-            *(
-                np.concatenate([getattr(part.films, what) for part in parts])
-                for what in ("bare_black", "bare_white", "over_black", "over_white")
-            ),
+            *(np.concatenate([getattr(part.films, what) for part in parts]) for what in SPECTRA),
             notes=first.notes,
         )
         rest = [name for name in cls.__dataclass_fields__ if name != "films"]

@@ -105,14 +105,11 @@ OldSpecular = Annotated[bool | None, typer.Option("--specular/--no-specular", hi
 OldIncidence = Annotated[float | None, typer.Option("--incidence", hidden=True)]
 
 
-def geometry_option(default: str, *, sphere: bool = False) -> Any:
-    """``--geometry``, with what a command takes if it is left out, and whether it must be a sphere."""
+def geometry_option(default: str) -> Any:
+    """``--geometry``, with what a command takes if it is left out."""
     words = "Instrument: d:8 or di:8 (integrating sphere, mirror reflection of the surface included), de:8 (excluded), "
     words += (
-        "or a sphere at another angle; no others here."
-        if sphere
-        else "45:0, 0:45, or another ANGLE:ANGLE of light and view in degrees (30:30:specular sees the mirror "
-        "reflection)."
+        "45:0, 0:45, or another ANGLE:ANGLE of light and view in degrees (30:30:specular sees the mirror reflection)."
     )
     return typer.Option("--geometry", metavar="GEOMETRY", help=f"{words} Default: {default}.", show_default=False)
 

@@ -1,0 +1,162 @@
+"""Films as they come from a kitchen table: over one card or two, with the cards measured or not, or just opaque paint.
+
+Rows of a table are told by their endings, as in `readers`, but none must be there:
+
+- NAME_ob, NAME_ow: paint over black, over white; one of them will do.
+- NAME_b, NAME_w: that film's own cards, bare. Else card_b and card_w, those of all films. Else a usual card is assumed.
+- NAME alone: paint that hides whatever is below.
+
+A film may be called by what is in it: ``Ultramarine 1:10 ZincWhite`` is one part of ultramarine to ten of white by
+weight; any other name is that of a paint.
+"""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from glazejax.io import SpectraTable, read_spectra
+from glazejax.io.source import refusal
+from glazejax.spectra import describe_grid
+
+from .films import SPECTRA, Films, usual_cards
+from .readers import ROWS
+
+FINEST = 5.0
+"""Step in nm to which finer spectra are averaged: k and s of paint change little over it."""
+USUAL_RANGE = (380.0, 780.0)
+"""Where usual cards are known, nm."""
+
+_CARDS = {"card", "cards"}
+_TINT = re.compile(r"(?P<first>\S.*?)\s+(?P<a>\d+(?:\.\d+)?)\s*:\s*(?P<b>\d+(?:\.\d+)?)\s+(?P<second>\S.*)")
+
+
+def read_loose_films(path: str | Path) -> Films:
+    """Read films of which not every reading is there; see the module.
+
+    Raises:
+        FileNotFoundError: no such file.
+        ValueError: the table is not legal (see `glazejax.io.read_spectra`), cards without paint, or a name whose
+            ending is nearly right. The message is one line and says which.
+    """
+    table = read_spectra(path)
+    rows: dict[str, dict[str, int]] = {}
+    for number, name in enumerate(table.names):
+        film, _, ending = name.rpartition("_")
+        if film and ending in ROWS:
+            rows.setdefault(film, {})[ending] = number
+        else:
+            rows.setdefault(name, {})["opaque"] = number
+    shared = {}
+    for film in [film for film, found in rows.items() if film.lower() in _CARDS and not {"ob", "ow"} & set(found)]:
+        shared.update(rows.pop(film))
+    try:
+        _check_rows(rows)
+        return _films(table, rows, shared)
+    except ValueError as error:
+        raise refusal(path, error) from None
+
+
+def _check_rows(rows: Mapping[str, Mapping[str, int]]) -> None:
+    if not rows:
+        raise ValueError("there are cards but no paint: name its rows NAME_ob (over black) and NAME_ow (over white)")
+    for film, found in rows.items():
+        stem, mark, _ = film.rpartition("_")
+        if "opaque" in found and mark and stem in rows:
+            raise ValueError(
+                f"the name {film!r} must end in " + ", ".join(f"_{end} ({what})" for end, what in ROWS.items())
+            )
+        if "opaque" in found and len(found) > 1:
+            raise ValueError(f"{film!r} is there with an ending and without: opaque paint has one row, {film!r}")
+        if not {"ob", "ow", "opaque"} & set(found):
+            raise ValueError(
+                f"film {film!r} has no row '{film}_ob' or '{film}_ow' (paint over black, over white); cards of all "
+                "films are card_b and card_w"
+            )
+
+
+def _films(table: SpectraTable, rows: Mapping[str, Mapping[str, int]], shared: Mapping[str, int]) -> Films:
+    grid, notes = table.wavelengths, list(table.notes)
+    usual = dict(zip("bw", usual_cards(grid), strict=True))
+    spectra: dict[str, list[np.ndarray]] = {what: [] for what in SPECTRA}
+    seen, assumed = [], []
+    for found in rows.values():
+        there = ["ob" in found or "opaque" in found, "ow" in found]
+        seen.append(there)
+        over = [found.get(end, found.get(other)) for end, other in (("ob", "ow"), ("ow", "ob"))]
+        for what, row in zip(SPECTRA[2:], over, strict=True):
+            row = found["opaque"] if row is None else row
+            spectra[what].append(table.reflectance[row])
+        bare = [found.get(end, shared.get(end)) for end in "bw"]
+        assumed.append([row is None for row in bare])
+        for what, end, row in zip(SPECTRA[:2], "bw", bare, strict=True):
+            spectra[what].append(usual[end] if row is None else table.reflectance[row])
+    opaque = np.array(["opaque" in found for found in rows.values()])
+    arrays: dict[str, Any] = {what: np.stack(spectra[what]) for what in SPECTRA}
+    films = Films(tuple(rows), grid, **arrays, seen=np.array(seen), assumed=np.array(assumed), opaque=opaque)
+    return _noted(films, notes)
+
+
+def _noted(films: Films, notes: list[str]) -> Films:
+    """Films with sentences on what was taken for granted; assumed cards end where usual cards are known."""
+    if films.opaque.any():
+        names = [name for name, hides in zip(films.names, films.opaque, strict=True) if hides]
+        notes.append(f"{', '.join(names)}: no ending _ob or _ow, so taken to hide whatever is below")
+    needed = films.assumed & films.seen & ~films.opaque[:, None]
+    words = [word for word, column in zip(("black", "white"), np.any(needed, axis=0).tolist(), strict=True) if column]
+    if words:
+        notes.append(
+            f"the {' and the '.join(words)} card was not measured (card_b, card_w): a usual one is assumed, and its "
+            "level is fitted"
+        )
+    films = replace(films, notes=tuple(notes))
+    return crop(films, *USUAL_RANGE, "usual cards are known there only") if words else films
+
+
+def tint(name: str) -> dict[str, float] | None:
+    """Paints and parts by weight of a film that is called by them, such as ``Red 1:10 White``; None if it is not."""
+    match = _TINT.fullmatch(name)
+    if match is None:
+        return None
+    parts = {match["first"]: float(match["a"]), match["second"]: float(match["b"])}
+    return parts if len(parts) == 2 and sum(parts.values()) > 0 else None
+
+
+def named_recipes(names: Sequence[str], listed: Mapping[str, Mapping[str, float]]) -> dict[str, Mapping[str, float]]:
+    """What films are made of: as listed, or as their names say, or else one paint of that name."""
+    return {name: listed.get(name) or tint(name) or {name: 100.0} for name in names}
+
+
+def crop(films: Films, low: float, high: float, why: str) -> Films:
+    """Films between two wavelengths (nm); a note says what was left out, and why.
+
+    Raises:
+        ValueError: fewer than three bands are left.
+    """
+    grid = films.wavelengths
+    kept = (grid >= low - 1e-6) & (grid <= high + 1e-6)
+    if kept.all():
+        return films
+    if kept.sum() < 3:
+        raise ValueError(f"the films' {describe_grid(grid)} and {low:g}-{high:g} nm have no three bands in common")
+    return _on(films, np.eye(grid.size)[:, kept], f"cropped to {describe_grid(grid[kept])}: {why}")
+
+
+def average(films: Films, step: float = FINEST) -> Films:
+    """Films whose bands are averaged to steps (nm), where theirs are finer; a note says so."""
+    grid = films.wavelengths
+    if grid.size < 3 or np.median(np.diff(grid)) >= 0.99 * step:
+        return films
+    _, place = np.unique(np.floor(grid / step + 0.5), return_inverse=True)
+    matrix = (place[:, None] == np.arange(place.max() + 1)).astype(float)
+    matrix /= matrix.sum(axis=0)
+    return _on(films, matrix, f"{grid.size} bands averaged to steps of {step:g} nm")
+
+
+def _on(films: Films, matrix: Float[np.ndarray, "bands new"], note: str) -> Films:
+    arrays: dict[str, Any] = {what: getattr(films, what) @ matrix for what in SPECTRA}
+    return replace(films, wavelengths=films.wavelengths @ matrix, notes=(*films.notes, note), **arrays)

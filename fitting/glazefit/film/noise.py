@@ -1,0 +1,90 @@
+"""How noisy readings are, told from their own roughness.
+
+Spectra of paint and of cards are smooth over some tens of nanometres; an instrument's noise is not. High differences of
+neighbouring bands take out what is smooth and leave noise of known size. Edges of absorption bands leave something too,
+so the size is fitted with heavy tails, and it may come out too large, which widens errors, but hardly too small.
+"""
+
+import numpy as np
+from jaxtyping import Float
+from numpy.lib.stride_tricks import sliding_window_view
+
+from .films import Films, Noise
+
+MOST = 0.02
+"""Largest standard deviation that roughness is taken for; beyond, spectra have structure that is no noise."""
+
+COARSE = 12.0
+"""Step in nm from which spectra of paint are rough themselves: no noise is told from them."""
+
+_ORDER = 6
+_FREEDOM = 4.0
+# Readings at which an estimate is held to what it may be at least: a black and a white card's.
+_ENDS = (0.05, 0.9)
+_FLOORS = np.geomspace(1e-4, MOST, 48)
+_SHARES = np.concatenate([[0.0], np.geomspace(3e-4, MOST, 24)])
+
+
+def estimate_noise(films: Films, least: Noise | None = None) -> Noise:
+    """Noise of an instrument from the roughness of all its readings, cards and films together.
+
+    Args:
+        films: measured.
+        least: what it is at least, by default `Noise()`: errors that all bands share do not show as roughness.
+    """
+    least = least or Noise()
+    if films.wavelengths.size < 2 or np.median(np.diff(films.wavelengths)) > COARSE:
+        return least
+    rough = [roughness(films.wavelengths, spectra) for spectra in films.readings()]
+    rough = [part for part in rough if part[0].size]
+    if not rough:
+        return least
+    differences = np.concatenate([part[0].ravel() for part in rough])
+    level = np.concatenate([part[1].ravel() for part in rough])
+    # Fitted with the least as a part, so that an estimate meets it from above.
+    floors, shares = np.meshgrid(_FLOORS, _SHARES, indexing="ij")
+    cost = np.array([_cost(differences, f + s * level) for f, s in zip(floors.ravel(), shares.ravel(), strict=True)])
+    best = int(np.argmin(cost))
+    found = [floors.ravel()[best] + shares.ravel()[best] * end for end in _ENDS]
+    dark, bright = (max(value, float(least.sd(np.asarray(end)))) for value, end in zip(found, _ENDS, strict=True))
+    share = max((bright - dark) / (_ENDS[1] - _ENDS[0]), 0.0)
+    return Noise(float(min(dark - share * _ENDS[0], MOST)), float(min(share, MOST)))
+
+
+def roughness(
+    wavelengths: Float[np.ndarray, "bands"], spectra: Float[np.ndarray, "rows bands"]
+) -> tuple[Float[np.ndarray, "rows windows"], Float[np.ndarray, "rows windows"]]:
+    """Divided differences of spectra, as large as the noise of one reading, and the mean reading of each window.
+
+    Independent noise of standard deviation sd gives differences of standard deviation sd; polynomials of a degree below
+    the difference's order give none.
+    """
+    order = min(_ORDER, wavelengths.size - 2)
+    if order < 2 or not len(spectra):
+        return np.zeros((len(spectra), 0)), np.zeros((len(spectra), 0))
+    windows = sliding_window_view(wavelengths, order + 1)
+    apart = (windows[:, :, None] - windows[:, None, :]) / (windows[:, -1:, None] - windows[:, :1, None])
+    weights = 1.0 / np.prod(np.where(np.eye(order + 1, dtype=bool), 1.0, apart), axis=2)
+    weights /= np.linalg.norm(weights, axis=1, keepdims=True)
+    values = sliding_window_view(spectra, order + 1, axis=1)
+    return np.einsum("rwi,wi->rw", values, weights), values.mean(axis=2)
+
+
+def _cost(differences: Float[np.ndarray, "n"], sd: Float[np.ndarray, "n"]) -> float:
+    """Minus the log likelihood of Student's t, whose scale is that of Gaussian noise of this size."""
+    scale = _GAUSSIAN * sd
+    square = (differences / scale) ** 2 / _FREEDOM
+    return float(np.sum(np.log(scale) + 0.5 * (_FREEDOM + 1.0) * np.log1p(square)))
+
+
+def _gaussian_scale() -> float:
+    """Scale of Student's t that fits standard normal numbers best."""
+    x = np.linspace(-8.0, 8.0, 4001)
+    density = np.exp(-0.5 * x**2)
+    density /= density.sum()
+    scales = np.linspace(0.6, 1.0, 401)
+    worth = [np.log(s) + 0.5 * (_FREEDOM + 1) * np.sum(density * np.log1p((x / s) ** 2 / _FREEDOM)) for s in scales]
+    return float(scales[int(np.argmin(worth))])
+
+
+_GAUSSIAN = _gaussian_scale()

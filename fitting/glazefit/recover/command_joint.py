@@ -1,0 +1,264 @@
+"""`glazejax recover` where films are fitted together: their recipes, what is known, and the files that come of it."""
+
+import re
+import time
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from glazejax.commands import options, progress
+from glazejax.paint.describe import find_name, format_length
+
+if TYPE_CHECKING:
+    from glazejax import Pigment
+
+    from ..film.films import Films
+    from .entries import PaintFile
+    from .joint_result import JointRecovery
+    from .known import Gauge
+    from .told import Results, Told
+
+_SAME = 0.1
+"""Standard deviation of the log of thicknesses that one bar drew."""
+_LISTED = 3
+
+
+def recover_together(
+    films: "Films",
+    listed: Mapping[str, Mapping[str, float]],
+    given: dict[str, Any],
+    law: str,
+    check: bool,
+    told: "Told",
+    results: "Results",
+) -> None:
+    """Fit films together, and write and say what was found.
+
+    Args:
+        films: as read.
+        listed: recipes of a list; other films are what their names say.
+        given: instrument and noise.
+        law: of mixing.
+        check: whether films are left out in turn.
+        told: own paints, white and thicknesses.
+        results: where they go.
+    """
+    from ..film.loose import average, crop, named_recipes
+    from ..film.mixing import MixingLaw
+    from .entries import PaintFile
+    from .joint import recover_jointly
+    from .joint_problem import Expectations
+
+    out, metres, _, overwrite, console = results
+    recipes = named_recipes(films.names, listed)
+    file = None if told.into is None else PaintFile.open(told.into)
+    known = known_paints(recipes, file, told.white, overwrite)
+    gauge = read_gauge(told.wet_film, films.names)
+    fitted = average(films)
+    for paint in known.values():
+        grid = paint.wavelengths
+        fitted = crop(fitted, grid[0], grid[-1], f"{paint.name} is known there only")
+    progress.print_notes(console, "films", fitted.notes[len(films.notes) :])
+    unit = gauge.typical if gauge is not None and not known else metres
+    given = given | {"law": MixingLaw(law)}
+    if told.wet_film == "same":
+        given["expectations"] = Expectations(thickness=_SAME)
+    if known or gauge is not None:
+        given |= {"known": known, "gauge": gauge, "unit": unit}
+    with console.status("compiling, then fitting all films together"):
+        began = time.perf_counter()
+        recovery = recover_jointly(fitted, recipes, **given)
+        seconds = time.perf_counter() - began
+
+    from .report import print_joint
+
+    print_joint(recovery, console, seconds)
+    if out is not None:
+        _write_folder(recovery, fitted, recipes, given, unit, check, results)
+    _say_scale(recovery, known, gauge, unit, results)
+    if file is not None:
+        _write_entries(recovery, file, known, gauge, unit, results)
+    if not listed or told.any:
+        _say_lessons(recovery, known, gauge, unit, results)
+
+
+def known_paints(
+    recipes: Mapping[str, Mapping[str, float]], file: "PaintFile | None", white: str, overwrite: bool
+) -> "dict[str, Pigment]":
+    """Paints of the recipes that are known: those of the file, and the white.
+
+    Raises:
+        ValueError: a white that neither the file nor a catalogue has or that no film holds, or nothing that is new.
+    """
+    paints = list(dict.fromkeys(p for recipe in recipes.values() for p, w in recipe.items() if w > 0))
+    there = dict(file.paints) if file is not None else {}
+    pure = {p for recipe in recipes.values() if len(recipe) == 1 for p in recipe}
+    known = {p: there[p] for p in paints if p in there}
+    if white:
+        paint = _white(white, there)
+        if paint.name not in paints:
+            raise ValueError(f"--white {white}: no film holds {paint.name}; the films are of {', '.join(paints)}")
+        known[paint.name] = paint
+    chosen = _white(white, there).name if white else ""
+    if overwrite:
+        known = {p: paint for p, paint in known.items() if p not in pure or p == chosen}
+    if paints and len(known) == len(paints):
+        where = "known" if file is None else f"in {file.path}"
+        raise ValueError(
+            f"all paints of the films are {where} already: {', '.join(paints)}; --overwrite fits those again that have "
+            "a film of their own (but --white)"
+        )
+    return known
+
+
+def _white(text: str, there: "Mapping[str, Pigment]") -> "Pigment":
+    from glazejax import catalogue
+
+    shelf, colon, name = text.rpartition(":")
+    if not colon and there:
+        try:
+            return there[find_name(name, there)]
+        except ValueError:
+            pass
+    return catalogue.pigment(name, shelf or options.OILS)
+
+
+_SPREAD = re.compile(r"(?P<length>[^±+]*?)\s*(?:±|\+/?-)\s*(?P<share>\d+(?:\.\d+)?)\s*%")
+
+
+def read_gauge(text: str, films: Sequence[str]) -> "Gauge | None":
+    """Thicknesses of ``--wet-film``; None if it is empty, or says that one bar drew them all.
+
+    Raises:
+        ValueError: no length, or a film that there is not.
+    """
+    if text in ("", "same"):
+        return None
+    from .known import Gauge
+
+    lengths: dict[str, float] = {}
+    errors: list[float] = []
+    for part in options.listed(text):
+        film, equals, length = part.rpartition("=")
+        spread = _SPREAD.fullmatch(length.strip())
+        metres = options.read_length(spread["length"] if spread else length, "--wet-film")
+        errors += [float(spread["share"]) / 100] if spread else []
+        film = film.strip()
+        if equals and film not in films:
+            raise ValueError(f"--wet-film: no film is called {film!r}; there are {', '.join(films)}")
+        lengths |= dict.fromkeys([film] if equals else films, metres)
+    return Gauge(lengths, error=max(errors)) if errors else Gauge(lengths)
+
+
+def _write_folder(
+    recovery: "JointRecovery",
+    films: "Films",
+    recipes: Mapping[str, Mapping[str, float]],
+    given: dict[str, Any],
+    unit: float,
+    check: bool,
+    results: "Results",
+) -> None:
+    from .report import write_joint_films, write_joint_pigments, write_joint_plots
+
+    out, _, plots, overwrite, console = results
+    assert out is not None
+    out.mkdir(parents=True, exist_ok=True)
+    write_joint_pigments(recovery, unit, out / "pigments.csv", overwrite=overwrite)
+    write_joint_films(recovery, out / "films.csv", overwrite=overwrite)
+    if check:
+        _leave_out(recovery, films, recipes, given, results)
+    if plots:
+        write_joint_plots(recovery, unit, out, progress.drawing(len(recovery.paints)))
+    pictures = f", films.csv and {len(recovery.paints)} pictures" if plots else " and films.csv"
+    console.print(f"Wrote pigments.csv{pictures} to {out}")
+
+
+def _leave_out(
+    recovery: "JointRecovery",
+    films: "Films",
+    recipes: Mapping[str, Mapping[str, float]],
+    given: dict[str, Any],
+    results: "Results",
+) -> None:
+    from .crossvalidation import leave_films_out
+    from .plots import plot_left_out
+    from .report import print_left_out, write_left_out
+
+    out, _, plots, overwrite, console = results
+    assert out is not None
+    with console.status("leaving films out") as status:
+        left = leave_films_out(
+            recovery, films, recipes, progress=lambda name: status.update(f"leaving out {name}"), **given
+        )
+    print_left_out(left, console)
+    write_left_out(recovery, left, out / "left_out.csv", overwrite=overwrite)
+    if plots:
+        plot_left_out(recovery, left, out / "left_out.png")
+
+
+def _say_scale(
+    recovery: "JointRecovery", known: "Mapping[str, Pigment]", gauge: "Gauge | None", unit: float, results: "Results"
+) -> None:
+    console = results.console
+    if known:
+        films = ~recovery.films.opaque
+        thick = f"; on it the films are {_lengths(recovery.thickness[films] * unit)} thick" if films.any() else ""
+        console.print(f"[bold]Scale: that of {' and '.join(known)}{thick}.[/bold]")
+    elif gauge is not None:
+        console.print(
+            f"[bold]Thickness: as measured, about {format_length(gauge.typical)}; k and s share its error of "
+            f"{gauge.common:.0%}.[/bold] In films.csv it is in units of {format_length(unit)}."
+        )
+    else:
+        console.print(
+            f"[bold]Thickness: a typical film is taken as {format_length(unit)}, not measured.[/bold] Thicknesses in "
+            "films.csv are in units of that."
+        )
+
+
+def _lengths(metres: Any) -> str:
+    low, high = float(f"{metres.min():.2g}"), float(f"{metres.max():.2g}")
+    return format_length(low) if low == high else f"{format_length(low)} to {format_length(high)}"
+
+
+def _write_entries(
+    recovery: "JointRecovery",
+    file: "PaintFile",
+    known: "Mapping[str, Pigment]",
+    gauge: "Gauge | None",
+    unit: float,
+    results: "Results",
+) -> None:
+    from .entries import add_entries, entries
+
+    made = entries(recovery, unit, file, known)
+    new = [entry.pigment.name for entry in made]
+    scale = f"scale of {' and '.join(known)}" if known else f"a typical film taken as {format_length(unit)}"
+    if gauge is not None and not known:
+        scale = f"thickness measured, about {format_length(unit)}"
+    comments = [f"{', '.join(new)}: glazejax recover, {len(recovery.films)} films, {scale}."]
+    comments += [f"{name}: {known[name].provenance}" for name in new if name in known]
+    replaced = sorted(set(new) & set(file.paints))
+    add_entries(file, made, comments, overwrite=results.overwrite)
+    words = f" (replaced: {', '.join(replaced)})" if replaced else ""
+    results.console.print(f"Added {', '.join(new)} to {file.path}{words}, with {len(file.paints)} paints there before.")
+
+
+def _say_lessons(
+    recovery: "JointRecovery", known: "Mapping[str, Pigment]", gauge: "Gauge | None", unit: float, results: "Results"
+) -> None:
+    from glazejax import catalogue
+
+    from .next_film import lessons
+
+    console = results.console
+    new = [paint for paint in recovery.paints if paint not in recovery.known]
+    stand_in = catalogue.pigment("ZincWhite")
+    for paint in new[:_LISTED]:
+        found = lessons(recovery, paint, known=known, gauge=gauge, unit=unit, white=stand_in)
+        best, *rest = found.films
+        others = "; ".join(f"{lesson.film}: {lesson.expected:.1f}" for lesson in rest[:2])
+        console.print(
+            f"{paint}: mixtures with white and films of it are foretold to ΔE00 {found.now:.1f}. What would teach "
+            f"most: [bold]{best.film}[/bold] (then {best.expected:.1f}; {others})."
+        )

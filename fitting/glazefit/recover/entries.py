@@ -1,0 +1,221 @@
+"""One's own file of paints, ``mine.csv``: read, and added to, paint by paint, all on the scale of one white.
+
+Paints of a file share error modes: what a paint that was fitted against the file's white inherits of the white's
+errors stands in the white's own columns, what is its own in columns that are new and empty of the others. So errors of
+their mixtures come out right. Lines that are there stay as they are, letter by letter.
+"""
+
+import csv
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from glazejax import Pigment
+from glazejax.io.outputs import check_output
+from glazejax.paint.pigment_table import read_pigments
+
+from .joint_result import MOST_ERROR, JointRecovery
+from .known import error_modes
+
+OWN_MODES = 16
+"""Error modes that are a new paint's own."""
+_PLAIN = ("pigment", "wavelength_nm", "absorption", "scattering", "absorption_sd", "scattering_sd", "identifiable")
+
+
+@dataclass(frozen=True)
+class PaintFile:
+    """A file of paints that may be added to.
+
+    Attributes:
+        path: of the file, which need not exist.
+        paints: by name, as they are.
+    """
+
+    path: Path
+    paints: Mapping[str, Pigment]
+
+    @classmethod
+    def open(cls, path: str | Path) -> "PaintFile":
+        """The file and its paints; none if it does not exist.
+
+        Raises:
+            FileNotFoundError: its folder does not exist.
+            IsADirectoryError: it is a folder.
+            ValueError: it is no table of paints.
+        """
+        path = check_output(path, overwrite=True, argument="--into")
+        return cls(path, read_pigments(path) if path.exists() and path.stat().st_size else {})
+
+
+class Entry(NamedTuple):
+    """A paint as it is written: k, s and errors in 1/m; modes by column number, from 0, each (2, bands)."""
+
+    pigment: Pigment
+    modes: Mapping[int, Float[np.ndarray, "2 bands"]]
+
+
+def entries(recovery: JointRecovery, thickness: float, file: PaintFile, known: Mapping[str, Pigment]) -> list[Entry]:
+    """Entries of a recovery's new paints, and of known ones that the file lacks.
+
+    Args:
+        recovery: joint fit of the new paints.
+        thickness: of a film of unit relative thickness, m.
+        file: that they go to.
+        known: paints that the fit was told.
+    """
+    first = mode_columns(file)
+    new = [paint for paint in recovery.paints if paint not in recovery.known]
+    lacking = [paint for paint in recovery.known if paint not in file.paints]
+    # Numbers of known paints' modes among the others -> their columns in the file.
+    columns: dict[int, int] = {}
+    for paint in recovery.known:
+        modes = recovery.known_modes[paint]
+        if paint in lacking and modes.first not in columns:
+            columns |= {place: first + i for i, place in enumerate(modes.places)}
+            first += len(modes.kept)
+        elif paint not in lacking and known[paint].error_modes is not None:
+            columns |= dict(zip(modes.places, modes.kept, strict=True))
+    slopes, own, shift, sd = conditional_modes(recovery, new, list(columns))
+    made = []
+    for row, paint in enumerate(new):
+        modes = {column: slopes[i, :, row] for i, column in enumerate(columns.values())}
+        modes |= {first + i: mode[:, row] for i, mode in enumerate(own)}
+        found = recovery.pigment(paint, thickness)
+        k, s = (
+            np.asarray(found.absorption) * np.exp(shift[0, row]),
+            np.asarray(found.scattering) * np.exp(shift[1, row]),
+        )
+        pigment = Pigment(
+            paint,
+            found.wavelengths,
+            k,
+            s,
+            identifiable=found.identifiable,
+            absorption_sd=k * sd[0, row],
+            scattering_sd=s * sd[1, row],
+        )
+        made.append(Entry(pigment, modes))
+    for paint in lacking:
+        there = known[paint].resample(recovery.wavelengths)
+        modes = recovery.known_modes[paint]
+        kept = error_modes(there)[list(modes.kept)]
+        made.append(Entry(there, {columns[place]: mode for place, mode in zip(modes.places, kept, strict=True)}))
+    return made
+
+
+def conditional_modes(
+    recovery: JointRecovery, paints: Sequence[str], others: Sequence[int]
+) -> tuple[
+    Float[np.ndarray, "others 2 paints bands"],
+    Float[np.ndarray, "modes 2 paints bands"],
+    Float[np.ndarray, "2 paints bands"],
+    Float[np.ndarray, "2 paints bands"],
+]:
+    """How errors of log k and log s go with some of the others, for one standard deviation each, and what is left.
+
+    The fit may have moved the others, but what is known stays as it is: so paints are shifted to where they are likely
+    if the others are nought, as a tint demands, and the others count with all that was open of them beforehand.
+
+    Args:
+        recovery: joint fit.
+        paints: whose errors.
+        others: numbers of the unknowns' `others`.
+
+    Returns:
+        Slopes by the others, modes of what is left, the shift of log k and log s, and their standard deviation.
+    """
+    count, bands = len(recovery.paints), recovery.wavelengths.size
+    wanted = [recovery.row(paint) for paint in paints]
+    local = np.array([*wanted, *(count + row for row in wanted)])
+    off = (recovery.draws.bands - recovery.unknowns.bands)[:, :, local]
+    slopes, shift = np.zeros((len(others), bands, local.size)), np.zeros((bands, local.size))
+    if len(others):
+        picked = np.asarray(others)
+        z = recovery.draws.others - recovery.unknowns.others
+        size = recovery.shared_covariance.shape[0] - z.shape[1]
+        own = recovery.shared_covariance[size:, size:][np.ix_(picked, picked)]
+        slopes = np.einsum("op,pbi->obi", np.linalg.inv(own), recovery.with_others[picked][:, :, local])
+        off = off - np.einsum("do,obi->dbi", z[:, picked], slopes)
+        shift = -np.einsum("o,obi->bi", recovery.unknowns.others[picked], slopes)
+    # As large as is used to first order; both parts of an error alike.
+    total = np.sqrt(np.sum(slopes**2, axis=0) + np.mean(off**2, axis=0))
+    held = np.minimum(1.0, MOST_ERROR / np.maximum(total, 1e-12))
+    _, size, shapes = np.linalg.svd((off * held).reshape(len(off), -1) / np.sqrt(len(off)), full_matrices=False)
+    left = (size[:OWN_MODES, None] * shapes[:OWN_MODES]).reshape(-1, bands, local.size)
+
+    def arranged(modes: np.ndarray) -> np.ndarray:
+        return modes.reshape(len(modes), bands, 2, len(paints)).transpose(0, 2, 3, 1)
+
+    return arranged(slopes * held), arranged(left), arranged(shift[None])[0], arranged(total[None])[0]
+
+
+def add_entries(file: PaintFile, made: Sequence[Entry], comments: Sequence[str], *, overwrite: bool = False) -> None:
+    """Write entries into the file: whole or not at all, and with the other paints' lines as they are.
+
+    Raises:
+        ValueError: the file has a paint of that name, and `overwrite` is false.
+    """
+    names = {entry.pigment.name for entry in made}
+    if (there := sorted(names & set(file.paints))) and not overwrite:
+        raise ValueError(f"{file.path} has an entry {there[0]!r}; give another name, or add --overwrite")
+    lines = file.path.read_text(encoding="utf-8-sig").splitlines() if file.paints else []
+    remarks = [line for line in lines if line.startswith("#")]
+    remarks += [line for line in (f"# {text}" for text in comments) if line not in remarks]
+    cells = list(csv.reader(line for line in lines if line.strip() and not line.startswith("#")))
+    header = [title.strip() for title in cells[0]] if cells else list(_PLAIN)
+    more = max((column + 1 for entry in made for column in entry.modes), default=0)
+    titles = [f"{what}_mode_{i + 1}" for what in "ks" for i in range(more)]
+    wide = [*header, *(title for title in (*_PLAIN, *titles) if title not in header)]
+    # A paint without modes stays without: empty cells. One that has some has no share in the new.
+    empty = "0" if "k_mode_1" in header else ""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    text.writelines(line + "\n" for line in remarks)
+    writer.writerow(wide)
+    name_column = header.index("pigment")
+    for row in cells[1:]:
+        if row[name_column].strip() not in names:
+            fill = [empty if "_mode_" in title else "" for title in wide[len(header) :]]
+            writer.writerow([*row, *fill])
+    for entry in made:
+        writer.writerows(_rows(entry, wide))
+    part = file.path.with_name(file.path.name + ".part")
+    try:
+        part.write_text(text.getvalue(), encoding="utf-8")
+        part.replace(file.path)
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def mode_columns(file: PaintFile) -> int:
+    """How many error modes the file's paints have."""
+    return max((len(paint.error_modes) for paint in file.paints.values() if paint.error_modes is not None), default=0)
+
+
+def _rows(entry: Entry, titles: Sequence[str]) -> list[list[str]]:
+    paint, grid = entry.pigment, entry.pigment.wavelengths
+    nothing = np.zeros(grid.size)
+    known = np.ones(grid.size, dtype=bool) if paint.identifiable is None else paint.identifiable
+    values: dict[str, np.ndarray] = {
+        "wavelength_nm": grid,
+        "absorption": np.asarray(paint.absorption),
+        "scattering": np.asarray(paint.scattering),
+        "absorption_sd": nothing if paint.absorption_sd is None else np.asarray(paint.absorption_sd),
+        "scattering_sd": nothing if paint.scattering_sd is None else np.asarray(paint.scattering_sd),
+    }
+    for column, mode in entry.modes.items():
+        values[f"k_mode_{column + 1}"], values[f"s_mode_{column + 1}"] = mode
+    words = {"pigment": [paint.name] * grid.size, "identifiable": [str(bool(flag)) for flag in known]}
+
+    def cell(title: str, band: int) -> str:
+        if title in words:
+            return words[title][band]
+        digits = ".3g" if "_mode_" in title else ".6g"
+        return format(values.get(title, nothing)[band], digits)
+
+    return [[cell(title, band) for title in titles] for band in range(grid.size)]

@@ -1,0 +1,30 @@
+"""What the user of `glazejax recover` says of the films, and where the results go."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+class Results(NamedTuple):
+    """Where results go: the folder, the films' thickness in m, whether pictures are drawn, and the screen."""
+
+    out: Path | None
+    thickness: float
+    plots: bool
+    overwrite: bool
+    console: "Console"
+
+
+class Told(NamedTuple):
+    """What the user says beside the films: the file of own paints, the white, and thicknesses."""
+
+    into: Path | None
+    white: str
+    wet_film: str
+
+    @property
+    def any(self) -> bool:
+        """Whether something is told."""
+        return self.into is not None or bool(self.white or self.wet_film)

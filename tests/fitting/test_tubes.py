@@ -1,0 +1,331 @@
+"""Paints from what a kitchen table gives: films that lack readings, tints by name, known whites, gauges, own files."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from glazefit import Films, Instrument, Noise, recover_films, simulate_films
+from glazefit.film.films import USUAL_CARD_SD, bare_surface, cards, usual_cards
+from glazefit.film.loose import average, crop, named_recipes, read_loose_films, tint
+from glazefit.film.noise import estimate_noise, roughness
+from glazefit.film.response import film_response
+from glazefit.recover.entries import PaintFile, add_entries, entries
+from glazefit.recover.joint import UNIT, recover_jointly
+from glazefit.recover.joint_problem import Expectations
+from glazefit.recover.known import Gauge, error_modes, tell
+from glazefit.recover.next_film import lessons
+from glazejax import Pigment
+from glazejax.paint.pigment_table import read_pigments
+
+GRID = np.arange(400.0, 701.0, 20.0)
+BLUE = np.stack([0.05 + 3.0 * np.exp(-(((GRID - 590) / 60) ** 2)), np.full(GRID.size, 1.0)])
+PALE = np.stack([0.01 + 0.05 * np.exp(-(GRID - 400) / 40), 10.0 - (GRID - 400) / 100])
+NAMES = ("Blue", "Blue 1:10 White")
+RECIPES = named_recipes(NAMES, {})
+
+
+def white(provenance: str = "mine", size: float = 0.05) -> Pigment:
+    """The white of the films in 1/m, with one error mode: its strength."""
+    modes = np.full((1, 2, GRID.size), size)
+    return Pigment("White", GRID, *(PALE / UNIT), error_modes=modes, provenance=provenance)
+
+
+def painted(instrument: Instrument, thickness=(1.3, 0.8), noise=Noise(), seed=1) -> Films:  # noqa: B008
+    shares = np.array([1.0, 1 / 11])[:, None, None]
+    k, s = np.moveaxis((shares * BLUE + (1 - shares) * PALE) * np.array(thickness)[:, None, None], 1, 0)
+    return simulate_films(NAMES, GRID, k, s, instrument=instrument, noise=noise, seed=seed)
+
+
+def written(path, films: Films, ends=("b", "w", "ob", "ow"), scale=1.0, names=NAMES):
+    arrays = {"b": films.bare_black, "w": films.bare_white, "ob": films.over_black, "ow": films.over_white}
+    rows = [["Name", *(f"{w:g}" for w in films.wavelengths)]]
+    for i, name in enumerate(names):
+        rows += [
+            [f"{name}_{end}" if end else name, *(f"{v * scale:.6f}" for v in arrays[end or "ow"][i])] for end in ends
+        ]
+    path.write_text("\n".join(",".join(row) for row in rows) + "\n")
+    return path
+
+
+def test_a_whole_table_reads_as_before(tmp_path):
+    from glazefit import read_films
+
+    path = written(tmp_path / "films.csv", painted(Instrument()), scale=100.0)
+    loose, strict = read_loose_films(path), read_films(path)
+    assert loose.complete
+    for what in ("bare_black", "bare_white", "over_black", "over_white"):
+        np.testing.assert_array_equal(getattr(loose, what), getattr(strict, what))
+    assert (loose.names, loose.notes) == (strict.names, strict.notes)
+
+
+def test_rows_that_are_not_there(tmp_path):
+    films = painted(Instrument())
+    one = read_loose_films(written(tmp_path / "one.csv", films, ends=("w", "ow")))
+    assert one.seen.tolist() == [[False, True]] * 2
+    assert not one.assumed[:, 1].any()
+    assert not any("not measured" in note for note in one.notes)
+    np.testing.assert_array_equal(one.over_black, one.over_white)
+
+    bare = read_loose_films(written(tmp_path / "bare.csv", films, ends=("ob", "ow")))
+    assert bare.assumed.all()
+    assert any("the black and the white card was not measured" in note for note in bare.notes)
+    np.testing.assert_array_equal(cards(bare, Instrument(), Noise())[0][0], usual_cards(GRID)[0])
+    np.testing.assert_array_equal(cards(bare, Instrument(), Noise())[3], USUAL_CARD_SD[1])
+
+    opaque = read_loose_films(written(tmp_path / "opaque.csv", films, ends=("",)))
+    assert opaque.opaque.all()
+    assert any("taken to hide whatever is below" in note for note in opaque.notes)
+
+    path = written(tmp_path / "shared.csv", films, ends=("ob", "ow"))
+    card = ["card_" + end + "," + ",".join(f"{v:.6f}" for v in values[0]) for end, values in
+            (("b", films.bare_black), ("w", films.bare_white))]  # fmt: skip
+    path.write_text(path.read_text() + "\n".join(card) + "\n")
+    shared = read_loose_films(path)
+    assert shared.complete
+    np.testing.assert_allclose(shared.bare_white[1], films.bare_white[0], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("rows", "message"),
+    [
+        (["A_b", "A_w"], "film 'A' has no row 'A_ob' or 'A_ow'"),
+        (["A_ow", "A_x"], "the name 'A_x' must end in _b"),
+        (["A_ow", "A"], "'A' is there with an ending and without"),
+        (["card_b", "card_w"], "cards but no paint"),
+    ],
+)
+def test_rows_that_cannot_be_meant_are_refused(tmp_path, rows, message):
+    path = tmp_path / "films.csv"
+    path.write_text("Name,400,410,420\n" + "".join(f"{name},.1,.2,.3\n" for name in rows))
+    with pytest.raises(ValueError, match=message) as error:
+        read_loose_films(path)
+    assert "\n" not in str(error.value)
+
+
+def test_films_are_called_by_what_is_in_them():
+    assert tint("Red 1:10 Zinc white") == {"Red": 1.0, "Zinc white": 10.0}
+    assert tint("Red 2.5 : 97.5 White") == {"Red": 2.5, "White": 97.5}
+    assert tint("Red") is tint("Red 1:10") is tint("1:10 White") is tint("Red 1:2 Red") is None
+    listed = {"07B": {"Red": 10.0, "White": 90.0}}
+    assert named_recipes(("07B", "Red 1:3 White", "Red"), listed) == {
+        "07B": {"Red": 10.0, "White": 90.0},
+        "Red 1:3 White": {"Red": 1.0, "White": 3.0},
+        "Red": {"Red": 100.0},
+    }
+
+
+def test_fine_grids_are_averaged_and_cropped_with_a_word():
+    films = painted(Instrument())
+    fine = np.arange(350.0, 2501.0)
+    arrays = [np.stack([np.interp(fine, GRID, row) for row in getattr(films, what)])
+              for what in ("bare_black", "bare_white", "over_black", "over_white")]  # fmt: skip
+    wide = Films(NAMES, fine, *arrays)
+    less = average(wide)
+    assert less.wavelengths.size == 431
+    np.testing.assert_allclose(np.diff(less.wavelengths)[1:-1], 5.0)
+    np.testing.assert_allclose(less.over_white[0, 10], arrays[3][0, 48:53].mean())
+    assert less.notes == ("2151 bands averaged to steps of 5 nm",)
+    near = crop(less, 400.0, 700.0, "the white is known there only")
+    assert (near.wavelengths[0], near.wavelengths[-1]) == (400.0, 700.0)
+    assert near.notes[-1] == "cropped to 400-700 nm step 5 (61 bands): the white is known there only"
+    assert crop(near, 380.0, 780.0, "") is near
+    assert average(films) is films
+    with pytest.raises(ValueError, match="no three bands in common"):
+        crop(films, 705.0, 780.0, "")
+
+
+@pytest.mark.parametrize(("floor", "share"), [(0.002, 0.0), (0.0005, 0.004), (0.006, 0.0)])
+def test_noise_is_told_from_roughness(floor, share):
+    grid = np.arange(400.0, 701.0, 10.0)
+    k = np.stack([0.05 + a * np.exp(-(((grid - b) / 30) ** 2)) for a, b in ((3, 590), (1, 450), (5, 520), (0.3, 640))])
+    films = simulate_films("abcd", grid, k, np.ones_like(k), noise=Noise(floor, share), seed=2)
+    found = estimate_noise(films)
+    for end in (0.05, 0.9):
+        assert float(found.sd(np.asarray(end))) == pytest.approx(floor + share * end, rel=0.35)
+    # A quiet instrument is taken for a usual one, and coarse spectra say nothing of noise.
+    quiet = simulate_films("abcd", grid, k, np.ones_like(k), noise=Noise(1e-5, 0.0))
+    assert float(estimate_noise(quiet).sd(np.asarray(0.9))) == pytest.approx(
+        float(Noise().sd(np.asarray(0.9))), rel=0.1
+    )
+    coarse = simulate_films("abcd", grid[::3], k[:, ::3], np.ones_like(k[:, ::3]), noise=Noise(floor, share))
+    assert estimate_noise(coarse) == Noise()
+
+
+def test_roughness_of_noise_is_the_noise_and_of_polynomials_nothing():
+    grid = np.sort(np.random.default_rng(0).uniform(400, 700, 31))
+    rough, level = roughness(grid, np.stack([0.3 + 1e-3 * (grid - 500), ((grid - 550) / 300) ** 5]))
+    np.testing.assert_allclose(rough, 0.0, atol=1e-12)
+    assert level.shape == rough.shape
+    noise = np.random.default_rng(1).standard_normal((400, 31))
+    np.testing.assert_allclose(roughness(grid, noise)[0].std(axis=0), 1.0, atol=0.15)
+
+
+@pytest.mark.parametrize("geometry", ["d:8", "de:8", "45:0"])
+def test_bare_cards_read_as_the_films_model_says(geometry):
+    """The closed form of a bare card and the table of films agree where the film is nothing."""
+    instrument = Instrument.parse(geometry)
+    gain, back = bare_surface(instrument)
+    _, film_gain, film_back = film_response(instrument.geometry).numbers(np.zeros(1), np.zeros(1))
+    assert gain == pytest.approx(float(film_gain[0]), abs=3e-5)
+    assert back == pytest.approx(float(film_back[0]), abs=3e-5)
+
+
+def test_film_by_film_at_45_0():
+    instrument = Instrument.parse("45:0")
+    films = simulate_films(["a"], GRID, BLUE[:1], BLUE[1:], instrument=instrument, noise=Noise(1e-4, 0.0))
+    found = recover_films(films, instrument=instrument, noise=Noise(1e-4, 0.0))
+    known = found.identifiable[0]
+    assert known.mean() > 0.7
+    np.testing.assert_allclose(found.absorption[0, known], BLUE[0, known], rtol=0.03)
+    with pytest.raises(ValueError, match="fit jointly"):
+        recover_films(dataclasses.replace(films, seen=np.array([[True, False]])), instrument=instrument)
+
+
+def fitted(films: Films, instrument: Instrument, **given):
+    tight = Expectations(model_floor=0.001, model_share=0.001)
+    return recover_jointly(films, RECIPES, instrument=instrument, noise=Noise(), expectations=tight, **given)
+
+
+@pytest.mark.parametrize("geometry", ["d:8", "45:0"])
+def test_a_masstone_and_a_tint_with_a_known_white(geometry):
+    instrument = Instrument.parse(geometry)
+    found = fitted(painted(instrument), instrument, known={"White": white()})
+    assert found.known == ("White",)
+    row = found.row("Blue")
+    np.testing.assert_allclose(found.absorption[row], BLUE[0], rtol=0.25)
+    np.testing.assert_allclose(found.scattering[row], BLUE[1], rtol=0.25)
+    # The scale is the white's: thicknesses come out as they are, not as typical ones.
+    np.testing.assert_allclose(found.thickness, [1.3, 0.8], rtol=0.12)
+    # A white twice as strong makes the films half as thick and the paint as strong.
+    twice = Pigment("White", GRID, *(2 * PALE / UNIT), error_modes=np.full((1, 2, GRID.size), 0.05))
+    other = fitted(painted(instrument), instrument, known={"White": twice})
+    np.testing.assert_allclose(other.absorption[row] / found.absorption[row], 2.0, rtol=0.1)
+
+
+def test_readings_that_are_not_there_do_not_matter():
+    instrument = Instrument()
+    films = painted(instrument)
+    seen = np.array([[True, True], [False, True]])
+    lost = dataclasses.replace(films, seen=seen, over_black=films.over_white)
+    spoilt = dataclasses.replace(
+        films, seen=seen, over_black=np.where(seen[:, :1], films.over_white, 0.9), bare_black=films.bare_black * 0.9
+    )
+    first = fitted(lost, instrument, known={"White": white()})
+    second = fitted(
+        dataclasses.replace(
+            spoilt, over_black=np.where(seen[:, :1], lost.over_black, 0.9), bare_black=films.bare_black
+        ),
+        instrument,
+        known={"White": white()},
+    )
+    np.testing.assert_allclose(first.absorption, second.absorption, rtol=1e-3)
+    np.testing.assert_array_equal(first.residual[1, 0], first.residual[1, 1])
+
+
+def test_opaque_films_tell_k_over_s():
+    instrument = Instrument()
+    films = painted(instrument, thickness=(60.0, 60.0))
+    hidden = dataclasses.replace(films, opaque=np.ones(2, bool), bare_white=films.bare_white * 0.5)
+    found = fitted(hidden, instrument, known={"White": white()})
+    ratio = found.absorption[0] / found.scattering[0]
+    np.testing.assert_allclose(ratio, BLUE[0] / BLUE[1], rtol=0.15)
+    np.testing.assert_allclose(found.absorption[0], BLUE[0], rtol=0.3)
+
+
+def test_a_gauge_sets_the_scale():
+    instrument = Instrument()
+    films = painted(instrument)
+    gauge = Gauge({"Blue": 130e-6, "Blue 1:10 White": 80e-6})
+    found = fitted(films, instrument, gauge=gauge, unit=100e-6)
+    assert found.pigment("Blue", 100e-6).absorption == pytest.approx(BLUE[0] / 100e-6, rel=0.25)
+    # k and s share the gauge's error.
+    assert np.median(found.log_sd[:, 0]) > 0.09
+    told = tell(films, ("Blue", "White"), {}, gauge, 100e-6, 0.3)
+    np.testing.assert_allclose(told.thickness, np.log([1.3, 0.8]))
+    np.testing.assert_allclose(told.thickness_sd, 0.1)
+    with pytest.raises(ValueError, match="no film is called 'Red'"):
+        tell(films, ("Blue", "White"), {}, Gauge({"Red": 1e-4}), UNIT, 0.3)
+    with pytest.raises(ValueError, match="the thickness of 'Red' is 1 m"):
+        Gauge({"Red": 1.0})
+    with pytest.raises(ValueError, match="does not cover the films'"):
+        tell(films, ("White",), {"White": white().resample(GRID[2:])}, None, UNIT, 0.3)
+
+
+def test_a_card_that_was_not_measured_is_fitted():
+    """A usual card is assumed; the one below the films was darker, and the fit finds how much."""
+    instrument = Instrument()
+    films = painted(instrument)
+    black, pale = usual_cards(GRID)
+    brighter = pale * 1.5 / (1 - pale + pale * 1.5)
+    bare = {"bare_black": np.tile(black, (2, 1)), "bare_white": np.tile(brighter, (2, 1))}
+    assumed = dataclasses.replace(films, **bare, assumed=np.ones((2, 2), bool))
+    found = fitted(assumed, instrument, known={"White": white(size=0.01)})
+    level = found.unknowns.others[-2] * 0.5
+    assert level == pytest.approx(-np.log(1.5), abs=0.25)
+    assert found.rmse.max() < 0.004
+
+
+def test_error_modes_of_a_pigment_without_them_have_its_size():
+    sd = np.linspace(0.05, 0.2, GRID.size)
+    paint = Pigment("a", GRID, BLUE[0], BLUE[1], absorption_sd=sd * BLUE[0], scattering_sd=2 * sd * BLUE[1])
+    size = np.sqrt(np.sum(error_modes(paint) ** 2, axis=0))
+    np.testing.assert_allclose(size, [sd, 2 * sd], rtol=0.05)
+
+
+def test_entries_keep_what_is_there_and_share_the_errors_of_the_white(tmp_path):
+    instrument = Instrument()
+    path = tmp_path / "mine.csv"
+    found = fitted(painted(instrument), instrument, known={"White": white()})
+    file = PaintFile.open(path)
+    add_entries(file, entries(found, UNIT, file, {"White": white()}), ["first"])
+    mine = read_pigments(path)
+    assert list(mine) == ["Blue", "White"]
+    assert mine["White"].provenance == mine["Blue"].provenance == "first"
+    np.testing.assert_allclose(mine["White"].error_modes[0], 0.05, rtol=1e-2)
+    np.testing.assert_allclose(mine["White"].error_modes[1:], 0.0)
+    # A stronger white would make the blue stronger.
+    assert np.median(np.asarray(mine["Blue"].error_modes)[0]) > 0.02
+    total = np.sqrt(np.sum(np.asarray(mine["Blue"].error_modes) ** 2, axis=0))
+    np.testing.assert_allclose(total[0], mine["Blue"].absorption_sd / mine["Blue"].absorption, rtol=0.1)
+
+    # Another paint goes beside them; their lines stay, with nought in the columns that are new.
+    before = path.read_text().splitlines()
+    second = PaintFile.open(path)
+    films = dataclasses.replace(painted(instrument, seed=5), names=("Sky", "Sky 1:10 White"))
+    recipes = named_recipes(films.names, {})
+    sky = recover_jointly(films, recipes, noise=Noise(), known={"White": second.paints["White"]})
+    made = entries(sky, UNIT, second, {"White": second.paints["White"]})
+    assert [entry.pigment.name for entry in made] == ["Sky"]
+    add_entries(second, made, ["second"])
+    after = path.read_text().splitlines()
+    assert after[:2] == ["# first", "# second"]
+    for old, new in zip(before[2:], after[3:], strict=False):
+        assert new.startswith(old)
+        assert set(new[len(old) :]) <= set(",0")
+    again = read_pigments(path)
+    np.testing.assert_array_equal(again["Blue"].absorption, mine["Blue"].absorption)
+    np.testing.assert_allclose(again["Sky"].absorption / again["Blue"].absorption, 1.0, rtol=0.4)
+    # Both inherit the white's error.
+    assert np.median(np.asarray(again["Sky"].error_modes)[0]) > 0.02
+
+    third = PaintFile.open(path)
+    with pytest.raises(ValueError, match="has an entry 'Sky'"):
+        add_entries(third, made, [])
+    add_entries(third, made, [], overwrite=True)
+    assert list(read_pigments(path)) == ["Blue", "White", "Sky"]
+    assert not list(tmp_path.glob("*.part"))
+
+
+def test_a_tint_teaches_most_where_there_is_none():
+    instrument = Instrument()
+    films = painted(instrument, thickness=(20.0, 1.0)).take([0])
+    alone = recover_jointly(films, RECIPES, noise=Noise())
+    found = lessons(alone, "Blue", white=white())
+    assert "tint of Blue with White" in found.films[0].film
+    assert found.films[0].expected < 0.6 * found.now
+    assert [lesson.expected for lesson in found.films] == sorted(lesson.expected for lesson in found.films)
+    both = fitted(painted(instrument), instrument, known={"White": white()})
+    after = lessons(both, "Blue", known={"White": white()})
+    assert after.now < found.now
+    assert not any("1:10" in lesson.film for lesson in after.films)
