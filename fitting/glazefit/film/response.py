@@ -66,7 +66,7 @@ class FilmResponse(Response):
     patches: Float[Array, "cells 4 4 3"]  # spline coefficients around each cell
 
     def numbers(
-        self, absorption: Float[Array, "*batch"], scattering: Float[Array, "*batch"]
+        self, absorption: Float[Array | np.ndarray, "*batch"], scattering: Float[Array | np.ndarray, "*batch"]
     ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"], Float[Array, "*batch"]]:
         """Black, gain and back of films, each (...), from k d and s d, (...), >= 0."""
         row, row_weights = _locate(absorption, HIGHEST[0])
@@ -93,7 +93,9 @@ class FilmResponse(Response):
         return ground_below(body - black, gain, back)
 
 
-def _locate(thickness: Float[Array, "*batch"], highest: float) -> tuple[Int[Array, "*batch"], Float[Array, "*batch 4"]]:
+def _locate(
+    thickness: Float[Array | np.ndarray, "*batch"], highest: float
+) -> tuple[Int[Array, "*batch"], Float[Array, "*batch 4"]]:
     """Cell and the four cubic B-spline weights of each value."""
     place = jnp.log1p(thickness / _BEND) * ((_NODES - 1) / np.log1p(highest / _BEND))
     place = jnp.clip(place, 0.0, _NODES - 1)

@@ -68,7 +68,7 @@ class Expectations(NamedTuple):
 class Unknowns(NamedTuple):
     """Point of the search; also the shape of a step."""
 
-    bands: Float[Array, "bands 2*paints"]  # log k of all paints, then log s, for unit thickness
+    bands: Float[Array, "bands local"]  # log k of all paints, then log s, for unit thickness
     films: Float[Array, "films 2+parts"]  # log thickness, log gloss beside its paints', errors of log weights
     paints: Float[Array, "paints 2"]  # log gloss, log strength
     others: Float[Array, "others"] = np.zeros(0)  # pyright: ignore[reportAssignmentType]  # errors of what is known
@@ -84,16 +84,16 @@ class JointProblem(NamedTuple):
     minor: Float[Array, "films parts paints"]  # 1 where an error of weight belongs
     surface: Float[Array, ""]
     curvature: Float[Array, "inner bands"]  # second difference in units of (10 nm)^-2, for a weight of 1
-    stiffness: Float[Array, "2*paints"]  # one over the expected curvature
-    pull: Float[Array, "2*paints 2"]  # mean and one over the standard deviation of log k and log s
-    known: Float[Array, "bands 2*paints"]  # added to the mean: logs of paints that are known
+    stiffness: Float[Array, "local"]  # one over the expected curvature
+    pull: Float[Array, "local 2"]  # mean and one over the standard deviation of log k and log s
+    known: Float[Array, "bands local"]  # added to the mean: logs of paints that are known
     film_scale: Float[Array, "films 2+parts"]  # standard deviations expected
     paint_mean: Float[Array, "paints 2"]
     paint_scale: Float[Array, "paints 2"]
     tail: Float[Array, ""]  # degrees of freedom of Student's t of weights' errors
     opaque: Float[Array, "films"]  # 1 where a film hides whatever is below
     film_mean: Float[Array, "films"]  # log thickness expected
-    band_modes: Float[Array, "others bands 2*paints"]
+    band_modes: Float[Array, "others bands local"]
     ground_modes: Float[Array, "others films 2"]  # of log(rho / (1 - rho))
     thickness_modes: Float[Array, "others films"]
 
@@ -102,8 +102,8 @@ class JointResiduals(NamedTuple):
     """JointResiduals in standard deviations."""
 
     data: Float[Array, "bands films 2"]
-    curvature: Float[Array, "inner 2*paints"]
-    pull: Float[Array, "bands 2*paints"]
+    curvature: Float[Array, "inner local"]
+    pull: Float[Array, "bands local"]
     films: Float[Array, "films 2+parts"]
     paints: Float[Array, "paints 2"]
     others: Float[Array, "others"]

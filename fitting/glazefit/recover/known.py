@@ -79,11 +79,11 @@ class Modes(NamedTuple):
 class Told(NamedTuple):
     """Means, and how unknowns that are standard normal beforehand (`others`) move what a fit computes with."""
 
-    logs: Float[np.ndarray, "bands 2*paints"]  # of known paints' log k and log s, for unit thickness; 0 of others
+    logs: Float[np.ndarray, "bands local"]  # of known paints' log k and log s, for unit thickness; 0 of others
     known: np.ndarray  # (paints,), bool
     thickness: Float[np.ndarray, "films"]  # log of the expected relative thickness
     thickness_sd: Float[np.ndarray, "films"]
-    band_modes: Float[np.ndarray, "others bands 2*paints"]
+    band_modes: Float[np.ndarray, "others bands local"]
     ground_modes: Float[np.ndarray, "others films 2"]
     thickness_modes: Float[np.ndarray, "others films"]
     modes_of: Mapping[str, Modes]
@@ -154,7 +154,7 @@ def _on(paint: Pigment, grid: Float[np.ndarray, "bands"]) -> Pigment:
 
 def _paint_modes(
     groups: Mapping[str, Mapping[int, Pigment]], bands: int, paints: int
-) -> tuple[Float[np.ndarray, "modes bands 2*paints"], dict[str, Modes]]:
+) -> tuple[Float[np.ndarray, "modes bands local"], dict[str, Modes]]:
     """Modes of all known paints, and the places of each; those of one provenance share theirs.
 
     Modes that are nought for all of them, such as those of other paints of their file, are left out.
