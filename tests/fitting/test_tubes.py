@@ -152,6 +152,13 @@ def test_noise_is_told_from_roughness(floor, share):
     assert estimate_noise(coarse) == Noise()
 
 
+def test_films_that_are_rough_themselves_do_not_pass_for_noisy_ones():
+    grid = np.arange(400.0, 701.0, 10.0)
+    k, s = np.exp(np.random.default_rng(0).uniform(-3.0, 1.0, (2, 4, grid.size)))
+    found = estimate_noise(simulate_films("abcd", grid, k, s, noise=Noise(0.002, 0.0)))
+    assert float(found.sd(np.asarray(0.5))) == pytest.approx(0.002, rel=0.35)
+
+
 def test_roughness_of_noise_is_the_noise_and_of_polynomials_nothing():
     grid = np.sort(np.random.default_rng(0).uniform(400, 700, 31))
     rough, level = roughness(grid, np.stack([0.3 + 1e-3 * (grid - 500), ((grid - 550) / 300) ** 5]))
