@@ -257,6 +257,10 @@ def test_a_gauge_sets_the_scale():
     told = tell(films, ("Blue", "White"), {}, gauge, 100e-6, 0.3)
     np.testing.assert_allclose(told.thickness, np.log([1.3, 0.8]))
     np.testing.assert_allclose(told.thickness_sd, 0.1)
+    # On the scale of a known paint thicknesses are open by a common factor; on their own they have none.
+    on_white = tell(films, ("Blue", "White"), {"White": white()}, None, UNIT, 0.3)
+    np.testing.assert_array_equal(on_white.thickness_modes[-1], 1.0)
+    assert len(tell(films, ("Blue", "White"), {}, None, UNIT, 0.3).thickness_modes) == 0
     with pytest.raises(ValueError, match="no film is called 'Red'"):
         tell(films, ("Blue", "White"), {}, Gauge({"Red": 1e-4}), UNIT, 0.3)
     with pytest.raises(ValueError, match="the thickness of 'Red' is 1 m"):
