@@ -152,6 +152,13 @@ def test_noise_is_told_from_roughness(floor, share):
     assert estimate_noise(coarse) == Noise()
 
 
+def test_films_that_are_rough_themselves_do_not_pass_for_noisy_ones():
+    grid = np.arange(400.0, 701.0, 10.0)
+    k, s = np.exp(np.random.default_rng(0).uniform(-3.0, 1.0, (2, 4, grid.size)))
+    found = estimate_noise(simulate_films("abcd", grid, k, s, noise=Noise(0.002, 0.0)))
+    assert float(found.sd(np.asarray(0.5))) == pytest.approx(0.002, rel=0.35)
+
+
 def test_roughness_of_noise_is_the_noise_and_of_polynomials_nothing():
     grid = np.sort(np.random.default_rng(0).uniform(400, 700, 31))
     rough, level = roughness(grid, np.stack([0.3 + 1e-3 * (grid - 500), ((grid - 550) / 300) ** 5]))
@@ -201,6 +208,9 @@ def test_a_masstone_and_a_tint_with_a_known_white(geometry):
     twice = Pigment("White", GRID, *(2 * PALE / UNIT), error_modes=np.full((1, 2, GRID.size), 0.05))
     other = fitted(painted(instrument), instrument, known={"White": twice})
     np.testing.assert_allclose(other.absorption[row] / found.absorption[row], 2.0, rtol=0.1)
+    # Neither need be the usual one.
+    thin = fitted(painted(instrument, thickness=(0.3, 0.2)), instrument, known={"White": white()})
+    np.testing.assert_allclose(thin.thickness, [0.3, 0.2], rtol=0.15)
 
 
 def test_readings_that_are_not_there_do_not_matter():
@@ -230,6 +240,8 @@ def test_opaque_films_tell_k_over_s():
     found = fitted(hidden, instrument, known={"White": white()})
     ratio = found.absorption[0] / found.scattering[0]
     np.testing.assert_allclose(ratio, BLUE[0] / BLUE[1], rtol=0.15)
+    # As thick as films go, whatever thickness is expected.
+    assert np.all(found.film_absorption + found.film_scattering > 250)
     np.testing.assert_allclose(found.absorption[0], BLUE[0], rtol=0.3)
 
 
@@ -240,10 +252,15 @@ def test_a_gauge_sets_the_scale():
     found = fitted(films, instrument, gauge=gauge, unit=100e-6)
     assert found.pigment("Blue", 100e-6).absorption == pytest.approx(BLUE[0] / 100e-6, rel=0.25)
     # k and s share the gauge's error.
-    assert np.median(found.log_sd[:, 0]) > 0.09
+    wrong = fitted(films, instrument, gauge=Gauge(gauge.thickness, common=0.5), unit=100e-6)
+    assert np.median(wrong.log_sd[:, 0]) > max(0.45, 2 * np.median(found.log_sd[:, 0]))
     told = tell(films, ("Blue", "White"), {}, gauge, 100e-6, 0.3)
     np.testing.assert_allclose(told.thickness, np.log([1.3, 0.8]))
     np.testing.assert_allclose(told.thickness_sd, 0.1)
+    # On the scale of a known paint thicknesses are open by a common factor; on their own they have none.
+    on_white = tell(films, ("Blue", "White"), {"White": white()}, None, UNIT, 0.3)
+    np.testing.assert_array_equal(on_white.thickness_modes[-1], 1.0)
+    assert len(tell(films, ("Blue", "White"), {}, None, UNIT, 0.3).thickness_modes) == 0
     with pytest.raises(ValueError, match="no film is called 'Red'"):
         tell(films, ("Blue", "White"), {}, Gauge({"Red": 1e-4}), UNIT, 0.3)
     with pytest.raises(ValueError, match="the thickness of 'Red' is 1 m"):
@@ -305,6 +322,10 @@ def test_entries_keep_what_is_there_and_share_the_errors_of_the_white(tmp_path):
         assert set(new[len(old) :]) <= set(",0")
     again = read_pigments(path)
     np.testing.assert_array_equal(again["Blue"].absorption, mine["Blue"].absorption)
+    there = len(mine["Blue"].error_modes)
+    np.testing.assert_array_equal(again["Blue"].error_modes[:there], mine["Blue"].error_modes)
+    np.testing.assert_array_equal(again["Blue"].error_modes[there:], 0.0)
+    assert len(again["Blue"].error_modes) > there
     np.testing.assert_allclose(again["Sky"].absorption / again["Blue"].absorption, 1.0, rtol=0.4)
     # Both inherit the white's error.
     assert np.median(np.asarray(again["Sky"].error_modes)[0]) > 0.02

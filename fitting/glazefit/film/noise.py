@@ -5,6 +5,8 @@ neighbouring bands take out what is smooth and leave noise of known size. Edges 
 so the size is fitted with heavy tails, and it may come out too large, which widens errors, but hardly too small.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 from jaxtyping import Float
 from numpy.lib.stride_tricks import sliding_window_view
@@ -19,6 +21,8 @@ COARSE = 12.0
 
 _ORDER = 6
 _FREEDOM = 4.0
+# Films so much rougher than their cards have spectra that are no smooth ones; the cards then say what noise is.
+_ROUGHER = 3.0
 # Readings at which an estimate is held to what it may be at least: a black and a white card's.
 _ENDS = (0.05, 0.9)
 _FLOORS = np.geomspace(1e-4, MOST, 48)
@@ -35,20 +39,28 @@ def estimate_noise(films: Films, least: Noise | None = None) -> Noise:
     least = least or Noise()
     if films.wavelengths.size < 2 or np.median(np.diff(films.wavelengths)) > COARSE:
         return least
-    rough = [roughness(films.wavelengths, spectra) for spectra in films.readings()]
-    rough = [part for part in rough if part[0].size]
-    if not rough:
+    parts = [roughness(films.wavelengths, spectra) for spectra in films.readings()]
+    everything, bare = _fitted(parts), _fitted(parts[:2])
+    if everything is None:
         return least
-    differences = np.concatenate([part[0].ravel() for part in rough])
-    level = np.concatenate([part[1].ravel() for part in rough])
-    # Fitted with the least as a part, so that an estimate meets it from above.
-    floors, shares = np.meshgrid(_FLOORS, _SHARES, indexing="ij")
-    cost = np.array([_cost(differences, f + s * level) for f, s in zip(floors.ravel(), shares.ravel(), strict=True)])
-    best = int(np.argmin(cost))
-    found = [floors.ravel()[best] + shares.ravel()[best] * end for end in _ENDS]
+    # Cards are smooth whatever the paint is.
+    rough = bare is not None and np.mean(everything) > _ROUGHER * np.mean(bare)
+    found = bare if rough else everything
+    assert found is not None
     dark, bright = (max(value, float(least.sd(np.asarray(end)))) for value, end in zip(found, _ENDS, strict=True))
     share = max((bright - dark) / (_ENDS[1] - _ENDS[0]), 0.0)
     return Noise(float(min(dark - share * _ENDS[0], MOST)), float(min(share, MOST)))
+
+
+def _fitted(parts: Sequence[tuple[np.ndarray, np.ndarray]]) -> tuple[float, float] | None:
+    """Noise at both ends that fits roughness best; None if there is none."""
+    differences = np.concatenate([part[0].ravel() for part in parts])
+    if not differences.size:
+        return None
+    level = np.concatenate([part[1].ravel() for part in parts])
+    pairs = [(floor, share) for floor in _FLOORS for share in _SHARES]
+    floor, share = min(pairs, key=lambda pair: _cost(differences, pair[0] + pair[1] * level))
+    return floor + share * _ENDS[0], floor + share * _ENDS[1]
 
 
 def roughness(
