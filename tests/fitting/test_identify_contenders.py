@@ -52,9 +52,12 @@ def explained(readings: np.ndarray, members: list[str], fractions: list[float], 
         log_covariance=np.zeros((count, 1, 3, 3)),
         probability=np.full((count, 1), 0.9),
         none=np.full(count, 0.1),
+        misfit=np.full(count, 0.5),
+        rejected=np.zeros((count, 1), bool),
         paint_probability=np.broadcast_to(0.9 * present, (count, len(NAMES))),
         gloss=np.ones((count, 1)),
         fitted=np.broadcast_to(fitted, (count, 1, *fitted.shape)),
+        condition=np.zeros((count, 1), int),
         opaque=False,
     )
 

@@ -53,7 +53,14 @@ def identification(names=("one", EVIL), grid=GRID, opaque=False) -> Identificati
     covariance = root @ np.swapaxes(root, -1, -2)
     covariance[..., 2, :] = covariance[..., :, 2] = 0.0
     return Identification(
-        measured=Measured(tuple(names), grid, readings, readings * 0 + 0.5, readings * 0 + 0.001),
+        measured=Measured(
+            tuple(names),
+            grid,
+            readings,
+            readings * 0 + 0.5,
+            readings * 0 + 0.001,
+            np.empty((count, 0, *readings.shape[1:])),
+        ),
         paints=PAINTS,
         members=members,
         coats=np.broadcast_to(np.array([[0, 0, 0], [0, 1, 0]]), members.shape),
@@ -61,9 +68,12 @@ def identification(names=("one", EVIL), grid=GRID, opaque=False) -> Identificati
         log_covariance=covariance,
         probability=np.broadcast_to([0.6, 0.3], (count, 2)),
         none=np.full(count, 0.1),
+        misfit=np.full(count, 0.5),
+        rejected=np.zeros((count, 2), bool),
         paint_probability=np.broadcast_to([0.9, 0.6, 0.3, 0.004, 0.002], (count, 5)),
         gloss=np.ones((count, 2)),
         fitted=readings[:, None] + np.array([0.002, -0.004])[:, None, None],
+        condition=np.zeros((count, 2), int),
         opaque=opaque,
     )
 

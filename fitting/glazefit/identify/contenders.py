@@ -286,7 +286,7 @@ def _fit(
         sets, starts, ground, target, white = spectrum
 
         def film(members: Array, start: Array) -> tuple[Array, Array]:
-            free = _free(members, opaque)
+            free = _free(members, opaque).astype(start.dtype)
 
             def read(unknowns: Array) -> tuple[Array, Array]:
                 amounts = jnp.exp(unknowns[0]) * _shares(unknowns, members)
