@@ -24,8 +24,8 @@ _SURFACE, _INSIDE = 0.0405, 0.596  # at 8 degrees from air, diffuse from within;
 def _ranked(score: np.ndarray, library: Sequence[str], recipes: Recipes) -> Found:
     """Nearest known films, each set of pigments once."""
     order = np.argsort(score)
-    sets = list(dict.fromkeys(frozenset(recipes[library[i]]) for i in order))
-    return sets, recipes[library[order[0]]], float(score[order[0]])
+    sets = list(dict.fromkeys(frozenset(recipes[library[int(i)]]) for i in order))
+    return sets, recipes[library[int(order[0])]], float(score[order[0]])
 
 
 def spectral_angle(films: Films, row: int, library: Sequence[str], recipes: Recipes, paints: list[Pigment]) -> Found:

@@ -25,11 +25,11 @@ jax.config.update("jax_logging_level", "CRITICAL")  # XLA calls a program taken 
 jax.config.update("jax_compilation_cache_dir", str(Path(__file__).parents[1] / ".pytest_cache" / "xla"))
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
 
-# Every annotation is checked while the tests run, shapes too; GLAZEJAX_CHECK_TYPES=0 leaves that out. A whole number
-# counts as a float, as for type checkers (PEP 484).
+# Every annotation of the forward package is checked while the tests run, shapes too; GLAZEJAX_CHECK_TYPES=0 leaves it
+# out, "all" adds the inverse package. A whole number counts as a float, as for type checkers (PEP 484).
 if os.environ.get("GLAZEJAX_CHECK_TYPES", "1") != "0":
     jaxtyping.install_import_hook(
-        ["glazejax", "glazefit"],
+        ["glazejax", "glazefit"] if os.environ.get("GLAZEJAX_CHECK_TYPES") == "all" else ["glazejax"],
         "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))",
     )
 
@@ -47,9 +47,10 @@ _MUCH_MEMORY = 1.2e9
 
 
 @pytest.fixture(autouse=True)
-def _dtypes_are_said():
-    """No dtype becomes another by itself."""
-    with jax.numpy_dtype_promotion("strict"):
+def _dtypes_are_said(request):
+    """No dtype becomes another by itself, in the forward package; in the inverse one where all types are checked."""
+    forward = "fitting" not in request.path.parts or os.environ.get("GLAZEJAX_CHECK_TYPES") == "all"
+    with jax.numpy_dtype_promotion("strict" if forward else "standard"):
         yield
 
 

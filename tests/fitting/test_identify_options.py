@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from glazefit import Discrepancy, Films, Identification, Instrument, Noise, Prior, identify, identify_films
+from glazefit.film.response import film_response
 from glazejax import Hemispherical, Pigment, catalogue
 
 MODULE = importlib.import_module("glazefit.identify.identify")
@@ -58,7 +59,8 @@ def find():
     """Identify one film of two paints over two grounds; options as given. All calls share their programs."""
     known = catalogue.load()
     paints = [known[name].resample(GRID) for name in ("ZincWhite", "Vermillion")]
-    spectrum = np.linspace(0.2, 0.4, GRID.size) + np.array([[0.0], [0.3]])
+    k, s = (25e-6 * np.asarray(getattr(paints[1], what)) for what in ("absorption", "scattering"))
+    spectrum = 0.04 + np.asarray(film_response(Hemispherical()).body(k, s, GROUNDS))
 
     def call(**options: Any) -> Identification:
         chosen: dict[str, Any] = {"max_paints": 1, **options}

@@ -313,7 +313,7 @@ def whitening(
     return np.tril(inverse), height - 0.5 * matrix.shape[-1] * np.log(2.0 * np.pi)
 
 
-def log_odds_of_none(misfit: float | Float[np.ndarray, "*n"]) -> Float[np.ndarray | np.floating, "*n"]:
+def log_odds_of_none(misfit: float | Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:
     """Log of how much more often a film misses by this if its paints are not in the catalogue than if they are.
 
     A logistic regression on the logarithm of the misfit (`glazefit.Identification.misfit`) of 55 films that were left
@@ -321,7 +321,7 @@ def log_odds_of_none(misfit: float | Float[np.ndarray, "*n"]) -> Float[np.ndarra
     `python -m benchmarks.truth`.
     """
     intercept, slope = MISFIT
-    return intercept + slope * np.log(np.maximum(misfit, 0.1))
+    return np.asarray(intercept + slope * np.log(np.maximum(misfit, 0.1)))
 
 
 MISFIT = (-0.98, 1.83)
@@ -334,7 +334,7 @@ REJECTED = 4.0
 """Delta E00 above which a person sees that the fit is none."""
 
 
-def roughness(readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray | np.floating, "*n"]:
+def roughness(readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray, "*n"]:
     """Standard deviation of noise that differs from band to band, from the spectra themselves.
 
     The median size of third differences along the bands, which smooth curves hardly have; 0 for fewer than 8 bands.
@@ -342,4 +342,4 @@ def roughness(readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray | np.
     if readings.shape[-1] < 8:
         return np.zeros(readings.shape[:-1])
     third = np.diff(readings, n=3, axis=-1)
-    return 1.4826 * np.median(np.abs(third), axis=-1) / np.sqrt(20.0)
+    return np.asarray(1.4826 * np.median(np.abs(third), axis=-1) / np.sqrt(20.0))

@@ -44,9 +44,9 @@ class Noise:
         if self.floor == 0:
             raise ValueError("a noise floor of 0 makes readings near 0 exact; give a value such as 0.0005")
 
-    def sd(self, reflectance: Float[np.ndarray | np.floating, "*shape"]) -> Float[np.ndarray | np.floating, "*shape"]:
+    def sd(self, reflectance: Float[np.ndarray | np.floating, "*shape"]) -> Float[np.ndarray, "*shape"]:
         """Standard deviation of readings of this reflectance (fractions)."""
-        return self.floor + self.share * np.abs(reflectance)
+        return np.asarray(self.floor + self.share * np.abs(reflectance))
 
 
 @dataclass(frozen=True)

@@ -154,5 +154,5 @@ def _misfits(
         out[rows, few] = values
         return out
 
-    colours = (placed(_colour_difference(measured, seen, readings)) for readings in (fitted, allowed))
-    return *colours, placed(left)
+    off, less = (placed(_colour_difference(measured, seen, readings)) for readings in (fitted, allowed))
+    return off, less, placed(left)

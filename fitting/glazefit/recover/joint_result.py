@@ -73,10 +73,6 @@ class JointRecovery(FittedFilms):
     def _modes(self) -> Float[np.ndarray, "modes 2 paints bands"]:
         return self.error_modes()
 
-    @cached_property
-    def _modes(self) -> Float[np.ndarray, "modes 2 paints bands"]:
-        return self.error_modes()
-
     @property
     def wavelengths(self) -> Float[np.ndarray, "bands"]:
         """Wavelengths in nm, (bands,)."""
