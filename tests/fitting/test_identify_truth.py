@@ -10,8 +10,8 @@ from glazefit.film.errors import (
     log_odds_of_none,
     modes_covariance,
     relative_errors,
-    roughness,
 )
+from glazefit.film.noise import noise_of_each
 from glazefit.film.response import film_response
 from glazefit.film.varnish import varnished, yellow
 from glazefit.identify.identify import hardly_seen
@@ -113,9 +113,9 @@ def test_noise_is_taken_from_the_spectrum_where_nobody_told_it():
     rng = np.random.default_rng(3)
     smooth = 0.4 + 0.3 * np.tanh((np.linspace(400, 700, 61) - 560) / 40)
     noisy = smooth + 0.01 * rng.standard_normal((400, 61))
-    assert np.median(roughness(noisy)) == pytest.approx(0.01, rel=0.1)
-    assert roughness(smooth) < 5e-4
-    assert roughness(np.ones(5)) == 0.0
+    assert np.median(noise_of_each(noisy)) == pytest.approx(0.01, rel=0.1)
+    assert noise_of_each(smooth) < 5e-4
+    assert noise_of_each(np.ones(5)) == 0.0
 
 
 def test_none_grows_with_the_misfit():

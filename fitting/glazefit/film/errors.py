@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from glazejax import Pigment
 
@@ -232,6 +232,32 @@ def coefficient_covariance(
     return square(slopes, discrepancy.coefficient**2 * kernel + discrepancy.level**2) + square(own, kernel)
 
 
+def paints_covariance(
+    slopes: Float[np.ndarray, "*n errors readings"],
+    members: Int[np.ndarray, "*n size"],
+    own: Float[np.ndarray, "paints 2 bands"],
+    modes: Float[np.ndarray, "paints 2 bands modes"],
+    wavelengths: Float[np.ndarray, "bands"],
+    discrepancy: Discrepancy,
+) -> Float[np.ndarray, "*n readings readings"]:
+    """Covariance that all errors of films' paints cause: `coefficient_covariance` and `modes_covariance`.
+
+    Args:
+        slopes: of the readings by the log of k of the films' paints, then of s, band by band; 0 for no paint.
+        members: paints of each film by number, negative for none.
+        own, modes: of all paints (`relative_errors`, `error_modes`).
+        wavelengths: (bands,), nm.
+        discrepancy: size and length of further errors.
+    """
+    at = np.maximum(members, 0)
+    caused = coefficient_covariance(
+        slopes, np.concatenate([own[at, part] for part in (0, 1)], axis=-2), wavelengths, discrepancy
+    )
+    if modes.shape[-1]:
+        caused = caused + modes_covariance(slopes, np.concatenate([modes[at, part] for part in (0, 1)], axis=-3))
+    return caused
+
+
 def coefficient_errors(
     rng: np.random.Generator, shape: tuple[int, ...], wavelengths: Float[np.ndarray, "bands"], discrepancy: Discrepancy
 ) -> Float[np.ndarray, "*shape bands"]:
@@ -332,14 +358,3 @@ UNSEEN = 1.0
 
 REJECTED = 4.0
 """Delta E00 above which a person sees that the fit is none."""
-
-
-def roughness(readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray, "*n"]:
-    """Standard deviation of noise that differs from band to band, from the spectra themselves.
-
-    The median size of third differences along the bands, which smooth curves hardly have; 0 for fewer than 8 bands.
-    """
-    if readings.shape[-1] < 8:
-        return np.zeros(readings.shape[:-1])
-    third = np.diff(readings, n=3, axis=-1)
-    return np.asarray(1.4826 * np.median(np.abs(third), axis=-1) / np.sqrt(20.0))

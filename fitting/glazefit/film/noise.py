@@ -82,6 +82,17 @@ def roughness(
     return np.einsum("rwi,wi->rw", values, weights), values.mean(axis=2)
 
 
+def noise_of_each(readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray, "*n"]:
+    """Standard deviation of the noise of each spectrum, where no others tell it.
+
+    The median size of third differences along the bands, which smooth curves hardly have; 0 for fewer than 8 bands.
+    """
+    if readings.shape[-1] < 8:
+        return np.zeros(readings.shape[:-1])
+    third = np.diff(readings, n=3, axis=-1)
+    return np.asarray(1.4826 * np.median(np.abs(third), axis=-1) / np.sqrt(20.0))
+
+
 def _cost(differences: Float[np.ndarray, "n"], sd: Float[np.ndarray, "n"]) -> float:
     """Minus the log likelihood of Student's t, whose scale is that of Gaussian noise of this size."""
     scale = _GAUSSIAN * sd

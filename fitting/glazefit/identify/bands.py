@@ -18,10 +18,9 @@ from glazejax import Pigment
 from ..film.errors import (
     Discrepancy,
     Prior,
-    coefficient_covariance,
     error_modes,
     model_covariance,
-    modes_covariance,
+    paints_covariance,
     relative_errors,
 )
 from ..film.films import Instrument
@@ -29,13 +28,13 @@ from ..film.optics import Optics
 from ..film.response import film_response
 from .fit import coat_slopes
 from .result import NOBODY, Identification
-from .screen import Paints
+from .screen import paints_of
 from .search import CHUNK
-from .task import check_pigments
+from .task import check_pigments, hiding
 from .two_coats import stack_slopes
 
-# Weight of what is expected of a log amount, and the spread of a total that is set.
-_LOOSE, _SET = 0.1, 0.05
+# Weight of what is expected of a log amount.
+_LOOSE = 0.1
 
 
 def expected_bands(
@@ -62,15 +61,10 @@ def expected_bands(
     count = min(count, found.members.shape[1])
     members, readings = found.members[:, :count], measured.readings.reshape(len(found), 1, -1)
     slopes = _slopes(found, known, instrument, prior, count)
-    at = np.maximum(members, 0)
-    own = relative_errors(known, d)
-    known_errors = np.concatenate([own[at, 0], own[at, 1]], axis=-2)
     off = d.amplitude + d.share * readings
     scaled = model_covariance(measured.wavelengths, measured.readings.shape[1], d, off)
-    scaled = scaled + coefficient_covariance(slopes, known_errors, measured.wavelengths, d)
-    modes = error_modes(known, d)
-    if modes.shape[-1]:
-        scaled = scaled + modes_covariance(slopes, np.concatenate([modes[at, 0], modes[at, 1]], axis=-3))
+    errors = relative_errors(known, d), error_modes(known, d)
+    scaled = scaled + paints_covariance(slopes, members, *errors, measured.wavelengths, d)
     scale = min(d.scales, key=lambda scale: abs(np.log(scale)))
     noise = measured.noise_sd.reshape(readings.shape) ** 2
     covariance = scale**2 * scaled + noise[..., None] * np.eye(noise.shape[-1])
@@ -81,7 +75,7 @@ def expected_bands(
     lever = np.concatenate([moved, surface], axis=-2)
     # What is expected of the total, next to nothing of the fractions, and what of the surface.
     share = np.concatenate([found.fractions[:, :count], np.zeros((*members.shape[:2], 1))], axis=-1)
-    spread = _SET if found.opaque else prior.spread
+    spread = (hiding(prior, known) if found.opaque else prior).spread
     held = share[..., :, None] * share[..., None, :] / spread**2
     held = held + np.diag([_LOOSE] * size + [1.0 / max(d.gloss_sd, 1e-6) ** 2])
     solved = np.linalg.solve(covariance, np.swapaxes(lever, -1, -2))
@@ -95,8 +89,7 @@ def _slopes(
     found: Identification, known: list[Pigment], instrument: Instrument, prior: Prior, count: int
 ) -> Float[np.ndarray, "spectra candidates errors readings"]:
     """Slopes of the readings by the log of k, then of s, of the paints of the most probable explanations."""
-    k, s = (np.stack([np.asarray(getattr(p, what)) for p in known]) for what in ("absorption", "scattering"))
-    paints = Paints(jnp.asarray(k * prior.thickness), jnp.asarray(s * prior.thickness))
+    paints = paints_of(known, prior.thickness)
     # Few sizes, so that little is compiled.
     rows = np.arange(len(found))
     padded = np.resize(rows, CHUNK) if 1 < len(rows) < CHUNK else rows

@@ -22,8 +22,8 @@ from ..film.films import Instrument
 from ..film.least_squares import damped_newton
 from ..film.response import FilmResponse, film_response
 from .result import NOBODY, Identification
-from .screen import Paints
-from .search import CHUNK
+from .screen import Paints, paints_of
+from .search import CHUNK, near_sd
 from .task import Measured, check_pigments, hiding
 
 LEAST_SHARE = 0.01
@@ -38,8 +38,6 @@ _PARTNERS = 2
 _STEPS, _LONGEST, _FAR = 14, 2.0, 20.0
 # Standard deviations of the log total and of both log odds: they only keep a fit from wandering where nothing is seen.
 _LOOSE = np.array([2.0, 4.0, 4.0])
-# What counts as near: near black, and for each unit of reflectance.
-_NEAR, _NEAR_SHARE = 0.005, 0.02
 
 
 @dataclass(frozen=True)
@@ -101,10 +99,9 @@ def find_contenders(
     known = check_pigments(pigments, measured.wavelengths)
     usual = (hiding(prior, known) if found.opaque else prior).thickness
     response = film_response(instrument.geometry, instrument.refractive_index)
-    k, s = (np.stack([np.asarray(getattr(p, what)) for p in known]) for what in ("absorption", "scattering"))
-    paints = Paints(jnp.asarray(k * usual), jnp.asarray(s * usual))
+    paints = paints_of(known, usual)
     surface = instrument.seen_surface
-    sd = np.hypot(measured.noise_sd, _NEAR + _NEAR_SHARE * measured.readings)
+    sd = near_sd(measured)
     white = whitening(noise_covariance(sd, surface, discrepancy))[0]
     readings = (measured.readings - discrepancy.gloss * surface).reshape(len(measured), -1)
     target = np.einsum("srt,st->sr", white, readings)
@@ -158,8 +155,6 @@ def _explanations(found: Identification) -> list[_Fits]:
 
 def _nearest(measured: Measured, sd: np.ndarray, kinds: list[_Fits], count: int) -> Contenders:
     """The nearest of the films with each paint."""
-    from glazejax.colour import delta_e_of_spectra
-
     paint, members, coats, shares, thickness, readings = (
         np.concatenate([getattr(kind, f.name) for kind in kinds], axis=1) for f in fields(_Fits)
     )
@@ -170,13 +165,10 @@ def _nearest(measured: Measured, sd: np.ndarray, kinds: list[_Fits], count: int)
     rows = np.arange(len(measured))[:, None]
     fitted = readings[rows, best].reshape(*best.shape, *measured.readings.shape[1:])
     off = measured.readings[:, None] - fitted
-    try:
-        seen = delta_e_of_spectra(measured.wavelengths, measured.readings[:, None], fitted, observer=10).max(axis=-1)
-    except ValueError:
-        seen = np.full(best.shape, np.nan)
+    seen = measured.delta_e(fitted)
     rmse = np.sqrt(np.mean(off**2, axis=(-1, -2)))
     members, coats, shares, thickness = (a[rows, best] for a in (members, coats, shares, thickness))
-    return Contenders(members, coats, shares, thickness, rmse, np.asarray(seen))
+    return Contenders(members, coats, shares, thickness, rmse, seen)
 
 
 def _starts(

@@ -26,16 +26,11 @@ from ..film.films import Films, Instrument, Noise, cards
 from ..film.optics import Optics
 from ..film.response import film_response
 from .result import Identification
-from .screen import Paints
+from .screen import paints_of
 from .search import CHUNK, first_starts, search_chunk
 from .task import IdentificationTask, check_pigments, check_spectra, hiding
 from .untold import search_untold
 from .weigh import weigh
-
-# Candidates whose colour is compared with the film's.
-_LOOKED_AT = 40
-# Delta E00 for a residual's root mean square of 1, in the middle of the films that were left out.
-_COLOUR_OF_RMSE = 130.0
 
 
 def identify_chunks(
@@ -88,32 +83,31 @@ def identify_chunks(
     measured = check_spectra(spectra, wavelengths, grounds, names, noise)
     known = check_pigments(pigments, measured.wavelengths)
 
-    def task(opaque: bool) -> IdentificationTask:
-        expected = hiding(prior, known) if opaque else prior
-        return IdentificationTask(
-            film_response(instrument.geometry, instrument.refractive_index),
-            _paints(known, expected.thickness),
-            relative_errors(known, discrepancy),
-            error_modes(known, discrepancy),
-            measured.wavelengths,
-            Optics.of(instrument.geometry, instrument.refractive_index),
-            instrument.seen_surface,
-            noise,
-            discrepancy,
-            expected,
-            hardly_seen(known, prior.thickness),
-            min(max_paints, len(known)),
-            layers,
-        )
-
+    seen_through = IdentificationTask(
+        film_response(instrument.geometry, instrument.refractive_index),
+        paints_of(known, prior.thickness),
+        relative_errors(known, discrepancy),
+        error_modes(known, discrepancy),
+        measured.wavelengths,
+        Optics.of(instrument.geometry, instrument.refractive_index),
+        instrument.seen_surface,
+        noise,
+        discrepancy,
+        prior,
+        hardly_seen(known, prior.thickness),
+        min(max_paints, len(known)),
+        layers,
+    )
+    thick = hiding(prior, known)
     told = grounds is None
-    tasks = {opaque: task(opaque) for opaque in (False, True)}
+    tasks = {False: seen_through, True: seen_through._replace(paints=paints_of(known, thick.thickness), prior=thick)}
     starts = first_starts(tasks[told], measured)
     paints = tuple(pigment.name for pigment in known)
     for first in range(0, len(measured), CHUNK):
         rows = np.arange(first, min(first + CHUNK, len(measured)))
-        some, pool = measured.take(rows), search_chunk(tasks[told], measured, rows, starts)
-        yield weigh(some, search_untold(tasks, told, some, pool), paints, prior, told, keep)
+        some = measured.take(rows)
+        found = search_untold(tasks, told, some, search_chunk(tasks[told], measured, rows, starts))
+        yield weigh(some, *found, paints, told, keep)
 
 
 def identify(
@@ -194,10 +188,3 @@ def ground_from_air(
             value = np.asarray(bare)[wrong].flat[0]
             raise ValueError(f"the bare ground reads {value:.4f} ({words}); is it seen with another instrument?")
     return np.clip(inside, 0.0, 1.0)
-
-
-def _paints(pigments: Sequence[Pigment], thickness: float) -> Paints:
-    return Paints(
-        jnp.stack([jnp.asarray(p.absorption) for p in pigments]) * thickness,
-        jnp.stack([jnp.asarray(p.scattering) for p in pigments]) * thickness,
-    )

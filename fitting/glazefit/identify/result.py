@@ -248,15 +248,7 @@ class Identification:
     @cached_property
     def delta_e(self) -> Float[np.ndarray, "spectra candidates"]:
         """Largest CIEDE2000 over the grounds, D65 and 10 degrees; NaN where the bands give no colour."""
-        from glazejax.colour import delta_e_of_spectra
-
-        try:
-            each = delta_e_of_spectra(
-                self.measured.wavelengths, self.measured.readings[:, None], self.fitted, observer=10
-            )
-        except ValueError:
-            return np.full(self.probability.shape, np.nan)
-        return each.max(axis=-1)
+        return self.measured.delta_e(self.fitted)
 
     def ranked(self, row: int, count: int | None = None) -> list[Candidate]:
         """Explanations of one spectrum, most probable first."""

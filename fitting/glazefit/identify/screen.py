@@ -8,12 +8,15 @@ the number of paints.
 
 import functools
 import itertools
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
+
+from glazejax import Pigment
 
 from ..film.response import FilmResponse
 
@@ -31,6 +34,14 @@ class Paints(NamedTuple):
 
     absorption: Float[Array, "paints bands"]
     scattering: Float[Array, "paints bands"]
+
+
+def paints_of(pigments: Sequence[Pigment], thickness: float) -> Paints:
+    """Pigments on the grid of the spectra, with this thickness (m) as the usual one."""
+    return Paints(
+        jnp.stack([jnp.asarray(p.absorption) for p in pigments]) * thickness,
+        jnp.stack([jnp.asarray(p.scattering) for p in pigments]) * thickness,
+    )
 
 
 class WhitenedSpectra(NamedTuple):

@@ -9,12 +9,10 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..film.errors import (
-    Discrepancy,
     Whitening,
-    coefficient_covariance,
     model_covariance,
-    modes_covariance,
     noise_covariance,
+    paints_covariance,
     whiten,
 )
 from .fit import LEAST, MOST, Fitted, Weights, coat_slopes, fit_sets
@@ -100,22 +98,8 @@ def own_errors(
     off = d.amplitude + d.share * some.readings.reshape(len(some), -1)
     model = model_covariance(task.wavelengths, some.readings.shape[1], d, off)[:, None]
     fixed = fixed_errors(task, some, some.noise_sd)[:, None]
-    scaled = model + _of_coefficients(task, sets, slopes, d)
+    scaled = model + paints_covariance(slopes, sets, task.errors, task.modes, task.wavelengths, d)
     return whiten(np.broadcast_to(fixed, scaled.shape), scaled, d)
-
-
-def _of_coefficients(
-    task: IdentificationTask, sets: np.ndarray, slopes: np.ndarray, discrepancy: Discrepancy
-) -> Float[np.ndarray, "spectra sets readings readings"]:
-    """Covariance of readings from errors of paints' coefficients; arguments as of `own_errors`."""
-    # In the order of the slopes: k of all paints, then s; the slopes of paints that are not there are 0.
-    members = np.maximum(sets, 0)
-    known = np.concatenate([task.errors[members, part] for part in (0, 1)], axis=-2)
-    caused = coefficient_covariance(slopes, known, task.wavelengths, discrepancy)
-    if task.modes.shape[-1]:
-        modes = np.concatenate([task.modes[members, part] for part in (0, 1)], axis=-3)
-        caused = caused + modes_covariance(slopes, modes)
-    return caused
 
 
 def first_starts(task: IdentificationTask, measured: Measured) -> list[SetStarts]:
@@ -234,7 +218,7 @@ def _with_allowance(task: IdentificationTask, pool: Pool, some: Measured, slopes
     """
     told = replace(task.discrepancy, coefficient=0.0, level=0.0)
     free = (
-        _of_coefficients(task, pool.members, slopes, told)
+        paints_covariance(slopes, pool.members, task.errors, task.modes, task.wavelengths, told)
         + fixed_errors(task, some, np.zeros_like(some.noise_sd))[:, None]
     )
     near = near_sd(some).reshape(len(some), 1, -1) ** 2

@@ -11,8 +11,9 @@ from glazejax import Pigment
 from glazejax.paint.media import MAX_THICKNESS
 from glazejax.spectra import validate_wavelengths
 
-from ..film.errors import Discrepancy, Prior, model_covariance, noise_covariance, roughness, whitening
+from ..film.errors import Discrepancy, Prior, model_covariance, noise_covariance, whitening
 from ..film.films import Noise
+from ..film.noise import noise_of_each
 from ..film.optics import Optics
 from ..film.response import FilmResponse
 from .screen import Paints, sets_of
@@ -59,6 +60,18 @@ class Measured:
         names = tuple(self.names[i] for i in rows)
         spectra = (part[rows] for part in (self.readings, self.grounds, self.noise_sd, self.doubt))
         return type(self)(names, self.wavelengths, *spectra)
+
+    def delta_e(
+        self, computed: Float[np.ndarray, "spectra candidates grounds bands"]
+    ) -> Float[np.ndarray, "spectra candidates"]:
+        """CIEDE2000 (D65, 10 degrees) to computed readings, the largest over the grounds; NaN without a colour."""
+        from glazejax.colour import delta_e_of_spectra
+
+        try:
+            each = delta_e_of_spectra(self.wavelengths, self.readings[:, None], computed, observer=10)
+        except ValueError:
+            return np.full(computed.shape[:2], np.nan)
+        return np.asarray(each).max(axis=-1)
 
     @classmethod
     def join(cls, parts: Sequence["Measured"]) -> "Measured":
@@ -113,7 +126,7 @@ def check_spectra(
     if not ((ground >= 0) & (ground <= 1)).all():
         value = ground[~((ground >= 0) & (ground <= 1))][0]
         raise ValueError(f"a ground's internal reflectance is {value:g}; it must lie in [0, 1]")
-    seen = roughness(readings).max(axis=-1)[:, None, None]
+    seen = noise_of_each(readings).max(axis=-1)[:, None, None]
     doubt = np.empty((len(readings), 0, *readings.shape[1:]))
     return Measured(labels, grid, readings, ground, np.maximum(noise.sd(readings), seen), doubt)
 

@@ -16,7 +16,7 @@ from .conditions import CONDITIONS, NOT_OPAQUE, OTHER_GROUNDS, VARNISHES
 from .result import Pool
 from .search import first_starts, independent, search_chunk
 from .task import IdentificationTask, Measured
-from .weigh import odds_of
+from .weigh import Odds, odds_of
 
 # Two levels of a varnish that is seen; what is between them is left open.
 _LEVELS = {0.2: 0.15, 0.6: 0.3}
@@ -25,8 +25,10 @@ _DOUBTFUL = 0.2
 """Probability of none above which a film is sought again."""
 
 
-def search_untold(tasks: Mapping[bool, IdentificationTask], opaque: bool, measured: Measured, pool: Pool) -> Pool:
-    """The pool, with candidates under other conditions where what was told leaves a film in doubt.
+def search_untold(
+    tasks: Mapping[bool, IdentificationTask], opaque: bool, measured: Measured, pool: Pool
+) -> tuple[Pool, Odds]:
+    """The pool, with candidates under other conditions where what was told leaves a film in doubt; and its odds.
 
     Films that were said to hide their ground are always tried without: one reading does not tell.
 
@@ -39,7 +41,7 @@ def search_untold(tasks: Mapping[bool, IdentificationTask], opaque: bool, measur
     one_ground = measured.readings.shape[1] == 1
 
     def more(pool: Pool, numbers: tuple[int, ...], rows: Int[np.ndarray, "rows"]) -> Pool:
-        for number in numbers if len(rows) else ():
+        for number in numbers:
             found = _under(number, tasks, opaque, measured.take(rows))
             pool = pool.merged(found.spread(rows, len(measured)))
         return pool
@@ -47,15 +49,15 @@ def search_untold(tasks: Mapping[bool, IdentificationTask], opaque: bool, measur
     everything = np.arange(len(measured))
     if opaque:
         pool = more(pool, NOT_OPAQUE, everything)
-    doubtful = everything[_doubt(tasks[opaque], measured, pool) > _DOUBTFUL]
+    prior = tasks[opaque].prior
+    odds = odds_of(measured, pool, prior)
+    doubtful = everything[odds.none / odds.total > _DOUBTFUL]
+    if not len(doubtful):
+        return pool, odds
     if one_ground and not opaque:
         pool = more(pool, OTHER_GROUNDS, doubtful)
-    return more(pool, VARNISHES, doubtful)
-
-
-def _doubt(task: IdentificationTask, measured: Measured, pool: Pool) -> Float[np.ndarray, "spectra"]:
-    odds, none, _, _ = odds_of(measured, pool, task.prior)
-    return none / (odds.sum(axis=1) + none)
+    pool = more(pool, VARNISHES, doubtful)
+    return pool, odds_of(measured, pool, prior)
 
 
 def _under(number: int, tasks: Mapping[bool, IdentificationTask], told: bool, measured: Measured) -> Pool:

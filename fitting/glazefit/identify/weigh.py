@@ -1,5 +1,7 @@
 """Probabilities of candidates, and of none of them."""
 
+from typing import NamedTuple
+
 import numpy as np
 from jaxtyping import Bool, Float
 from scipy.special import logsumexp
@@ -18,13 +20,26 @@ _SEEN_NOISE, _DRAWS = 0.002, 8
 _COLOUR_OF_RMSE = 100.0
 
 
+class Odds(NamedTuple):
+    """How candidates and none of them compare, before they are made to sum to 1."""
+
+    candidates: Float[np.ndarray, "spectra candidates"]
+    none: Float[np.ndarray, "spectra"]
+    misfit: Float[np.ndarray, "spectra"]  # see `Identification.misfit`
+    rejected: Bool[np.ndarray, "spectra candidates"]  # by eye
+
+    @property
+    def total(self) -> Float[np.ndarray, "spectra"]:
+        """Of all there is."""
+        return self.candidates.sum(axis=1) + self.none
+
+
 def weigh(
-    measured: Measured, pool: Pool, names: tuple[str, ...], prior: Prior, opaque: bool, keep: int
+    measured: Measured, pool: Pool, odds: Odds, names: tuple[str, ...], opaque: bool, keep: int
 ) -> Identification:
     """Probabilities of all candidates and of none, and the best candidates in full."""
-    odds, none, misfit, rejected = odds_of(measured, pool, prior)
-    total = odds.sum(axis=1) + none
-    probability = odds / total[:, None]
+    total = odds.total
+    probability = odds.candidates / total[:, None]
     present = pool.members[..., None] == np.arange(len(names))
     best = np.argsort(-probability, axis=1, kind="stable")[:, :keep]
     top = pool.take(best)
@@ -36,9 +51,9 @@ def weigh(
         amounts=np.exp(top.logs),
         log_covariance=top.covariance,
         probability=np.take_along_axis(probability, best, axis=1),
-        none=none / total,
-        misfit=misfit,
-        rejected=np.take_along_axis(rejected, best, axis=1),
+        none=odds.none / total,
+        misfit=odds.misfit,
+        rejected=np.take_along_axis(odds.rejected, best, axis=1),
         paint_probability=np.einsum("sc,scmp->sp", probability, present),
         gloss=top.gloss,
         fitted=top.readings.reshape(*best.shape, *measured.readings.shape[1:]),
@@ -47,15 +62,8 @@ def weigh(
     )
 
 
-def odds_of(
-    measured: Measured, pool: Pool, prior: Prior
-) -> tuple[
-    Float[np.ndarray, "spectra candidates"],
-    Float[np.ndarray, "spectra"],
-    Float[np.ndarray, "spectra"],
-    Bool[np.ndarray, "spectra candidates"],
-]:
-    """Odds of all candidates and of none beside them; `Identification.misfit`; candidates a person rejects by eye."""
+def odds_of(measured: Measured, pool: Pool, prior: Prior) -> Odds:
+    """Odds of all candidates and of none beside them."""
     weight = np.where(np.isfinite(pool.log_weight), pool.log_weight, -np.inf)
     # Before the misfit is looked at: how probable each is if the film is of the catalogue's paints.
     share = np.exp(weight - np.asarray(logsumexp(weight, axis=1))[:, None])
@@ -74,7 +82,7 @@ def odds_of(
     kept = odds / odds.sum(axis=1, keepdims=True)
     met = np.exp(np.sum(np.where(kept > 0, kept * np.log(np.clip(off, 0.1, 100.0)), 0.0), axis=1))
     none = prior.unknown * np.exp(log_odds_of_none(np.minimum(met, UNSEEN)) - log_odds_of_none(UNSEEN))
-    return odds, none, met, rejected
+    return Odds(odds, none, met, rejected)
 
 
 def _simplest(pool: Pool, weight: np.ndarray, seen: np.ndarray, odds: np.ndarray) -> np.ndarray:
@@ -115,18 +123,16 @@ def _of_noise(measured: Measured) -> Float[np.ndarray, "spectra"]:
         return np.zeros(len(measured))
     draws = np.random.default_rng(0).standard_normal((_DRAWS, *measured.readings.shape[1:]))
     drawn = measured.readings[:, None] + draws * measured.noise_sd[:, None]
-    off = _colour_difference(measured, measured.readings[:, None], np.maximum(drawn, 0.0))
+    off = _colour_difference(measured, np.maximum(drawn, 0.0))
     return np.where(noisy, np.sqrt(np.mean(off**2, axis=1)), 0.0)
 
 
-def _colour_difference(measured: Measured, seen: np.ndarray, computed: np.ndarray) -> np.ndarray:
-    """Delta E00, the larger over the grounds; a size like it where the bands give no colour."""
-    from glazejax.colour import delta_e_of_spectra
-
-    try:
-        return delta_e_of_spectra(measured.wavelengths, seen, computed, observer=10).max(axis=-1)
-    except ValueError:
-        return _COLOUR_OF_RMSE * np.sqrt(np.mean((seen - computed) ** 2, axis=(-1, -2)))
+def _colour_difference(measured: Measured, computed: np.ndarray) -> np.ndarray:
+    """`Measured.delta_e`, and a size like it where the bands give no colour."""
+    off = measured.delta_e(computed)
+    if np.isnan(off).all():
+        return _COLOUR_OF_RMSE * np.sqrt(np.mean((measured.readings[:, None] - computed) ** 2, axis=(-1, -2)))
+    return off
 
 
 def _misfits(
@@ -154,5 +160,5 @@ def _misfits(
         out[rows, few] = values
         return out
 
-    off, less = (placed(_colour_difference(measured, seen, readings)) for readings in (fitted, allowed))
+    off, less = (placed(_colour_difference(measured, readings)) for readings in (fitted, allowed))
     return off, less, placed(left)
