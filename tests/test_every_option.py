@@ -33,6 +33,7 @@ ENGINES = {
         "glazefit.recover.joint:recover_jointly",
         "glazefit.film.simulate:simulate_paints",
     ],
+    "predict": ["glazefit.recover.mixture:predict_mixture", "glazefit.recover.mixture:calibrate_mixture"],
     "recipe": ["glazefit.recipe.task:make_task"],
     "posterior": [
         "glazefit.posterior.posterior:posterior_of_film",
@@ -86,6 +87,7 @@ USUAL = {
     "render": "--layers ZincWhite:5um,CobaltBlue:9um",
     "identify": f"{SPECTRA} --ground 0.5",
     "recover": f"{FILMS} --out found",
+    "predict": "1*ZincWhite",
     "recipe": "--lab 50,20,30",
     "posterior": f"{FILMS} --sample one --paints CobaltBlue,ZincWhite --out found",
 }
@@ -189,6 +191,22 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--plots": Looked("fitting/test_cli_recover.py:test_names_and_masstones"),
         "--overwrite": Looked("fitting/test_cli_recover.py:test_overwrite"),
     },
+    "predict": {
+        "mixture": Reaches("1*Eosin+4*ZincWhite", lambda g: g["recipe"], {"Eosin": 1.0, "ZincWhite": 4.0}, base=" "),
+        "--reading": Reaches("--reading one.csv", lambda g: g["films"].names, ("one",), engine="calibrate_mixture"),
+        "--samples": Reaches(f"--reading {FILMS} --samples two", lambda g: g["films"].names, ("two",),
+                             base="1*ZincWhite --reading one.csv"),
+        "--thickness": Reaches("--thickness 5um,40um", lambda g: g["thickness"], pytest.approx([5e-6, 40e-6])),
+        "--csv": Looked("fitting/test_variation.py:test_command_says_how_sure_it_is"),
+        "--pigments": Reaches(OWN_PAINTS, lambda g: [*g["pigments"]], ["ZincWhite", "Own"]),
+        "--catalogue": Reaches("1*TitaniumWhite --catalogue acrylics", lambda g: [*g["recipe"]], ["TitaniumWhite"],
+                               base=" "),
+        "--geometry": INSTRUMENT["--geometry"],
+        "--refractive-index": INSTRUMENT["--refractive-index"],
+        "--illuminant": Looked("fitting/test_variation.py:test_light_and_eye_reach_the_colours"),
+        "--observer": Looked("fitting/test_variation.py:test_light_and_eye_reach_the_colours"),
+        "--overwrite": Reaches("--overwrite", bool, True, base="1*ZincWhite --csv paints.csv"),
+    },
     "recipe": {
         "--lab": Reaches("--lab 60,10,5", lambda g: "60" in g["targets"][0].name, True, base=" "),
         "--srgb": Reaches("--srgb #8a4b2d", lambda g: "8a4b2d" in g["targets"][0].name, True, base=" "),
@@ -268,6 +286,7 @@ def _reach(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], Reached | No
     table(SPECTRA, {"one": 0.4, "two": 0.6})
     cards = {"b": 0.06, "w": 0.85, "ob": 0.3, "ow": 0.5}
     table(FILMS, {f"{film}_{end}": value for film in ("one", "two") for end, value in cards.items()})
+    table("one.csv", {f"one_{end}": value for end, value in cards.items()})
     mixed = ("Blue", "Blue 1:3 ZincWhite", "Blue 1:3 Own")
     table("tube.csv", {f"{film}_{end}": value for film in mixed for end, value in cards.items()})
     Path("mixtures.tsv").write_text("one\tRed-White|100-0\ntwo\tRed-White|40-60\n")

@@ -9,6 +9,7 @@ from .film.readers import read_names as read_names
 from .film.reading import Reading as Reading
 from .film.reading import over_ground as over_ground
 from .film.simulate import simulate_films as simulate_films
+from .film.variation import Variation as Variation
 from .identify.identify import ground_from_air as ground_from_air
 from .identify.identify import identify as identify
 from .identify.identify import identify_films as identify_films
@@ -30,6 +31,9 @@ from .recover.crossvalidation import leave_films_out as leave_films_out
 from .recover.film_by_film import recover_films as recover_films
 from .recover.joint import recover_jointly as recover_jointly
 from .recover.joint_result import JointRecovery as JointRecovery
+from .recover.mixture import calibrate_mixture as calibrate_mixture
+from .recover.mixture import mixture_of as mixture_of
+from .recover.mixture import predict_mixture as predict_mixture
 from .recover.prediction import Prediction as Prediction
 from .recover.prediction import predict_films as predict_films
 from .recover.result import Recovery as Recovery

@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 import glazejax as gj
-from glazefit import find_recipes, lab_target, spectral_target
+from glazefit import Variation, find_recipes, lab_target, spectral_target
+from glazefit.film.variation import MIXED
 from glazejax import colour
 from glazejax.paint.describe import make_media, parse_layers
 
@@ -109,6 +110,26 @@ def test_sensitivity_is_what_a_tenth_more_or_less_does(found):
             ]
             moved.append(delta_e(colour.lab(GRID, gj.reflectance(gj.Glaze(layers, 0.9), SEEN)), own))
         assert sensitivity == pytest.approx(np.mean(moved), abs=0.01)
+
+
+def test_mixings_differ_as_their_paints_do(found):
+    """Against mixings whose paints really are stronger or weaker, through the solver."""
+    recipe = found[0][0]
+    rng, spread = np.random.default_rng(8), MIXED.level * Variation().size_of([])
+    labs = []
+    for _ in range(60):
+        layers = []
+        for layer in recipe.glaze.layers:
+            mixed = isinstance(layer.medium, gj.Mixture)
+            paints = layer.medium.pigments if mixed else [layer.medium]
+            shares = np.asarray(layer.medium.weights) if mixed else np.ones(1)
+            amounts = shares * np.exp(spread * rng.standard_normal(len(paints)))
+            medium = gj.Mixture(paints, amounts / amounts.sum()) if mixed else paints[0]
+            layers.append(gj.Layer(medium, layer.thickness * amounts.sum()))
+        labs.append(np.asarray(colour.lab(GRID, gj.reflectance(gj.Glaze(layers, 0.9), SEEN))))
+    apart = np.mean([delta_e(one, other) for one, other in zip(labs[:30], labs[30:], strict=True)])
+    assert recipe.between_mixings == pytest.approx(apart, rel=0.35)
+    assert recipe.between_mixings > 0.2
 
 
 @pytest.mark.slow

@@ -17,6 +17,7 @@ from glazejax import Glaze, Layer, Mixture, colour
 from glazejax.geometry import Geometry
 from glazejax.paint.describe import Coat
 
+from ..film.variation import MIXED, Variation
 from .choose import IN_GAMUT, Scored, rounded, score, select, simplified
 from .model import StackModel, readings
 from .refine import grown, refine, refine_solved
@@ -32,6 +33,8 @@ GROUP = 8
 _KEEP = {(1, 1): 3, (1, 2): 12, (1, 3): 40, (2, 1): 8, (2, 2): 24, (2, 3): 40}
 _KEEP_REFINED, _KEEP_SOLVED = 8, 8
 _PARENTS, _CHILDREN = 4, 24
+# Pairs of mixings that are compared.
+_MIXINGS = 200
 # More than asked for are rounded, because a few lose their colour by it.
 _SPARE = 3
 
@@ -52,6 +55,8 @@ class Recipe:
         test_illuminant: full name.
         rmse: root mean squared difference to the target's spectrum, or None without one.
         sensitivity: for each coat, Delta E 2000 of the colour when that coat alone is 10 % thicker or thinner.
+        between_mixings: mean Delta E 2000 to be expected from one mixing to the next, by the strength that paints
+            have in one film beside others (`glazefit.film.variation`).
         gamut_distance: the least Delta E 2000 found for the target if that is 1 or more, else 0.
         limit: what keeps a target out of reach: "paints", or a coat at a bound of thickness; "" if in reach.
         converged: whether least squares came to an end; if not, other amounts of the same paints may come nearer.
@@ -69,6 +74,7 @@ class Recipe:
     test_illuminant: str
     rmse: float | None
     sensitivity: tuple[float, ...]
+    between_mixings: float
     gamut_distance: float = 0.0
     limit: str = ""
     converged: bool = True
@@ -221,8 +227,9 @@ def _described(task: Task, model: StackModel, target: int, chosen: list[tuple[Sc
     """Recipes from what was chosen, each with the same before it was rounded."""
     aim = task.targets[target]
     recipes, effects = [], _thickness_effects(task, model, aim, [one for one, _ in chosen])
-    for (one, exact), (sensitivity, _) in zip(chosen, effects, strict=True):
-        recipes.append(_recipe(task, aim, one, exact, sensitivity))
+    between = _between_mixings(task, model, [one for one, _ in chosen])
+    for (one, exact), (sensitivity, _), mixing in zip(chosen, effects, between, strict=True):
+        recipes.append(_recipe(task, aim, one, exact, sensitivity, mixing))
     nearest = min(one.distance for one, _ in chosen)
     if nearest < IN_GAMUT:
         return recipes
@@ -230,7 +237,9 @@ def _described(task: Task, model: StackModel, target: int, chosen: list[tuple[Sc
     return [replace(recipe, gamut_distance=nearest, limit=limit) for recipe in recipes]
 
 
-def _recipe(task: Task, aim: Target, one: Scored, exact: Scored, sensitivity: tuple[float, ...]) -> Recipe:
+def _recipe(
+    task: Task, aim: Target, one: Scored, exact: Scored, sensitivity: tuple[float, ...], between_mixings: float
+) -> Recipe:
     coats, layers = [], []
     for sizes in one.sizes:
         total = float(sizes.sum())
@@ -266,6 +275,7 @@ def _recipe(task: Task, aim: Target, one: Scored, exact: Scored, sensitivity: tu
         test_illuminant=task.test_illuminant,
         rmse=rmse,
         sensitivity=sensitivity,
+        between_mixings=between_mixings,
         converged=exact.settled,
     )
 
@@ -301,6 +311,30 @@ def _thickness_effects(
         ]
         effects.append((tuple(sensitivity.tolist()), ", ".join(limits) or "paints"))
     return effects
+
+
+def _between_mixings(task: Task, model: StackModel, chosen: list[Scored]) -> list[float]:
+    """Mean Delta E 2000 between two mixings of each recipe, whose paints come out stronger or weaker each time.
+
+    To first order: what one paint of a coat does to the colour when it is stronger by a standard deviation.
+    """
+    light, spread = task.illuminants[0], MIXED.level * Variation().size_of([])
+    places = [
+        (row, coat, paint) for row, one in enumerate(chosen) for coat, paint in np.argwhere(one.sizes > 0).tolist()
+    ]
+    stronger = np.stack([chosen[row].sizes for row, _, _ in places])
+    for number, (_, coat, paint) in enumerate(places):
+        stronger[number, coat, paint] *= np.exp(spread)
+    labs, own = (
+        np.asarray(colour.lab(task.wavelengths, reading, illuminant=light, observer=task.observer))
+        for reading in (readings(model, stronger, task.optics), np.stack([one.reading for one in chosen]))
+    )
+    rng, found = np.random.default_rng(0), []
+    for row in range(len(chosen)):
+        moves = labs[[place[0] == row for place in places]] - own[row]
+        two = own[row] + rng.standard_normal((2, _MIXINGS, len(moves))) @ moves
+        found.append(float(np.mean(colour.delta_e_2000(two[0], two[1]))))
+    return found
 
 
 def _at_bound(size: float, bound: float) -> bool:

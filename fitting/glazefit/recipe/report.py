@@ -31,7 +31,10 @@ CSV_COLUMNS = (
     "paint",
     "share",
     "delta_e_per_10_percent",
+    "delta_e_between_mixings",
 )
+
+MIXING = "Expect ΔE00 {:.1f} from one mixing to the next (column mixing); per 10 %: of a coat's thickness."
 
 NO_BREAK = "\u00a0"
 
@@ -86,6 +89,7 @@ def print_recipes(recipes: Sequence[Recipe], console: Console) -> None:
     swatches = swatch(target_hex(first)) + Text(" ") + swatch(recipe_hex(first))
     console.print(Text(f"{first.target.name} ", style="bold") + swatches + Text(" target, first recipe"))
     console.print(table)
+    console.print(Text(MIXING.format(first.between_mixings), style="dim"))
     console.print(Text(f"See the first: glazejax render --layers '{first.layers}'", style="dim"), soft_wrap=True)
     if not first.in_gamut:
         console.print(Text(out_of_reach(first), style="yellow"))
@@ -100,6 +104,7 @@ def print_best(found: Sequence[Sequence[Recipe]], console: Console) -> None:
         swatches = swatch(target_hex(best)) + swatch(recipe_hex(best))
         _add_coats(table, [best.target.name, swatches, *_figures(best)], best)
     console.print(table)
+    console.print(Text(MIXING.format(np.mean([best.between_mixings for best, *_ in found])), style="dim"))
     for best, *_ in found:
         if not best.in_gamut:
             console.print(Text(out_of_reach(best), style="yellow"))
@@ -117,7 +122,7 @@ def _figures(recipe: Recipe) -> list[str]:
     """Colour differences in words."""
     test = recipe.metamerism
     tested = [] if not _tested(recipe) else ["" if test is None else f"({test:.2f})"]
-    return [f"{value:.2f}" for value in recipe.delta_e.values()] + tested
+    return [f"{value:.2f}" for value in recipe.delta_e.values()] + tested + [f"{recipe.between_mixings:.1f}"]
 
 
 def _tested(recipe: Recipe) -> bool:
@@ -125,7 +130,7 @@ def _tested(recipe: Recipe) -> bool:
 
 
 def _table(titles: Sequence[str]) -> Table:
-    columns = (*titles, "µm", "coats, top first", "per 10 %")
+    columns = (*titles, "mixing", "µm", "coats, top first", "per 10 %")
     words = [number for number, title in enumerate(columns) if number == 0 or title in ("", "coats, top first")]
     table = plain_table(*columns, words=words, padding=(0, 1), header_style="dim", pad_edge=False)
     table.columns[-2].ratio = 1
@@ -169,7 +174,7 @@ def _rows(found: Sequence[Sequence[Recipe]]) -> Iterator[tuple]:
                     yield (
                         recipe.target.name, rank, text(recipe.distance, 3), text(recipe.metamerism, 3),
                         text(recipe.rmse, 5), number, f"{coat.thickness * 1e6:.6g}", paint, f"{share:.6g}",
-                        text(change, 3),
+                        text(change, 3), text(recipe.between_mixings, 2),
                     )  # fmt: skip
 
 
@@ -192,6 +197,7 @@ def _plain(recipe: Recipe) -> dict:
         ],
         "delta_e_2000": dict(recipe.delta_e),
         "delta_e_2000_unrounded": recipe.unrounded,
+        "delta_e_between_mixings": recipe.between_mixings,
         "lab": {name: [float(value) for value in values] for name, values in recipe.lab.items()},
         "metamerism": recipe.metamerism,
         "test_illuminant": recipe.test_illuminant,

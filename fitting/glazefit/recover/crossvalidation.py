@@ -1,4 +1,8 @@
-"""How well a set of films foretells itself: every mixture left out of a joint fit in turn, and predicted."""
+"""How well a set of films foretells itself: every mixture left out of a joint fit in turn, and predicted.
+
+What the films left out show of how far films are from their recipes (`glazefit.film.variation`) sets the bands: of each
+by what the others showed, and of films to come by what all did.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -11,6 +15,7 @@ from jaxtyping import Float
 from ..film.films import Films, Instrument, Noise
 from ..film.mixing import MixingLaw
 from ..film.response import Response
+from ..film.variation import Variation, learn
 from .joint import recover_jointly
 from .joint_problem import Expectations
 from .joint_result import JointRecovery
@@ -28,12 +33,14 @@ class LeftOut:
         predictions: of each film by the fit of all others.
         fitted: CIEDE2000 (D65, 10 degrees) of the fit of all films, over black and white, (films, 2).
         measured: reflectance over black and white, (films, 2, bands).
+        variation: what all of them teach of how far films are from their recipes; for `predict_films`.
         complete: False where an interrupt came before the last film.
     """
 
     predictions: tuple[Prediction, ...]
     fitted: Float[np.ndarray, "films 2"]
     measured: Float[np.ndarray, "films 2 bands"]
+    variation: Variation
     complete: bool
 
     @property
@@ -104,6 +111,8 @@ def leave_films_out(
 ) -> LeftOut:
     """Leave every mixture out of the fit in turn and predict it from its weights.
 
+    Each prediction's bands are as wide as the other films left out say.
+
     Args:
         whole: fit of all films.
         films, recipes: of `whole`.
@@ -142,4 +151,9 @@ def leave_films_out(
             raise
     done = rows[: len(predictions)]
     measured = np.stack([films.over_black[done], films.over_white[done]], axis=1)
-    return LeftOut(tuple(predictions), whole.delta_e()[done], measured, len(done) == len(rows))
+    surprises = [found.surprise(seen) for found, seen in zip(predictions, measured, strict=True)]
+    mixing = [found.paints for found in surprises]
+    others = [surprises[:i] + surprises[i + 1 :] for i in range(len(surprises))]
+    judged = [p.with_variation(learn(rest, mixing)) for p, rest in zip(predictions, others, strict=True)]
+    learned = learn(surprises, mixing)
+    return LeftOut(tuple(judged), whole.delta_e()[done], measured, learned, len(done) == len(rows))

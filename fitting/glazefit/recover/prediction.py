@@ -1,12 +1,11 @@
 """What a joint recovery foretells of a film that it has not seen: from its weights, with only its thickness free.
 
-How sure it is comes from draws: of the paints' k and s as the recovery knows them, each followed by the errors that
-films which were left out of a fit showed (`glazefit.film.errors.Discrepancy`): a paint in another mixture is not quite
-the same paint.
+How sure it is comes from draws: of the paints' k and s as the recovery knows them, and of the film's own errors
+(`glazefit.film.variation`): a paint in another mixture is not quite the same paint.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import jax
@@ -18,14 +17,13 @@ from ..film.errors import Discrepancy, coefficient_errors, model_errors
 from ..film.films import Films, Noise, cards
 from ..film.mixing import strengthen
 from ..film.response import Response, film_response
+from ..film.variation import MIXED, SIZES, Surprise, Variation, log_likelihood
 from .joint_problem import Unknowns, model_deviation
 from .joint_result import JointRecovery
 from .result import delta_e_over_cards
 
-# Errors of k and s that a paint has in one film beside others. With these, nine tenths of the readings of films that
-# were left out lie in their 90 % bands (benchmarks/prediction.py).
-MIXED = Discrepancy(coefficient=0.2, level=0.2, amplitude=0.004)
 _SPAN, _POINTS, _REFINEMENTS = 4.0, 161, 4
+PARTS = ("scale", "paint", "film")
 
 
 @dataclass(frozen=True)
@@ -38,7 +36,10 @@ class Prediction:
         thickness: relative, fitted.
         gloss: share of the smooth surface's reflection.
         over_black, over_white: reflectance, (bands,).
-        draws: reflectance over black and white as it may be too, (draws, 2, bands).
+        paints: in it.
+        deviations: what each of `PARTS` may add to the reflectance over black and white, (draws, 2, bands): the scale
+            of the paints' k and s, their shape, and the film's own errors, of size one.
+        variation: how large the film's own errors are.
     """
 
     name: str
@@ -47,7 +48,28 @@ class Prediction:
     gloss: float
     over_black: Float[np.ndarray, "bands"]
     over_white: Float[np.ndarray, "bands"]
-    draws: Float[np.ndarray, "draws 2 bands"]
+    paints: tuple[str, ...]
+    deviations: Mapping[str, Float[np.ndarray, "draws 2 bands"]]
+    variation: Variation
+
+    @property
+    def reflectance(self) -> Float[np.ndarray, "2 bands"]:
+        """Over black and over white."""
+        return np.stack([self.over_black, self.over_white])
+
+    @property
+    def draws(self) -> Float[np.ndarray, "draws 2 bands"]:
+        """Reflectance over black and white as it may be too."""
+        return self._drawn(PARTS)
+
+    def _drawn(self, parts: tuple[str, ...]) -> Float[np.ndarray, "draws 2 bands"]:
+        count = len(self.deviations["film"])
+        # Each size as often as it is probable, in an order that has nothing to do with the other draws'.
+        places = (np.random.default_rng(0).permutation(count) + 0.5) / count
+        chances = np.cumsum(self.variation.of(self.paints))
+        sizes = np.asarray(SIZES)[np.minimum(np.searchsorted(chances, places), len(SIZES) - 1)]
+        size = {"film": sizes[:, None, None]}
+        return np.maximum(self.reflectance + sum(size.get(part, 1.0) * self.deviations[part] for part in parts), 0.0)
 
     def interval(self, level: float = 0.9) -> tuple[Float[np.ndarray, "2 bands"], Float[np.ndarray, "2 bands"]]:
         """Lower and upper end of the band that holds this share of the draws, over black and white.
@@ -71,9 +93,31 @@ class Prediction:
         predicted, others = (self.over_black, self.over_white), (over_black, over_white)
         return delta_e_over_cards(self.wavelengths, predicted, others, illuminant, observer)
 
-    def expected_error(self, illuminant: str = "D65", observer: str | int = 10) -> float:
-        """Mean CIEDE2000 that the prediction is expected to be off, over both cards."""
-        return float(np.mean(self.delta_e(self.draws[:, 0], self.draws[:, 1], illuminant, observer)))
+    def expected_error(
+        self, illuminant: str = "D65", observer: str | int = 10, parts: tuple[str, ...] = PARTS
+    ) -> float:
+        """Mean CIEDE2000 that the prediction is expected to be off, over both cards, by some of `PARTS` or by all."""
+        draws = self._drawn(parts)
+        return float(np.mean(self.delta_e(draws[:, 0], draws[:, 1], illuminant, observer)))
+
+    def between_mixings(self, illuminant: str = "D65", observer: str | int = 10) -> float:
+        """Mean CIEDE2000 between two films of the recipe, over both cards, by the films' own errors."""
+        drawn = self._drawn(("film",))
+        half = len(drawn) // 2
+        one, other = (tuple(np.moveaxis(part, 1, 0)) for part in (drawn[:half], drawn[half : 2 * half]))
+        return float(np.mean(delta_e_over_cards(self.wavelengths, one, other, illuminant, observer)))
+
+    def surprise(self, measured: Float[np.ndarray, "2 bands"]) -> Surprise:
+        """What the film says of how large films' own errors are, now that it was measured over both cards."""
+        known = self.deviations["scale"] + self.deviations["paint"]
+        likelihood = log_likelihood(
+            measured - self.reflectance, known, self.deviations["film"], np.asarray(self.wavelengths)
+        )
+        return Surprise(self.name, frozenset(self.paints), likelihood)
+
+    def with_variation(self, variation: Variation) -> "Prediction":
+        """The same with other sizes of the film's own errors."""
+        return replace(self, variation=variation)
 
 
 def predict_films(
@@ -83,6 +127,7 @@ def predict_films(
     *,
     noise: Noise | None = None,
     discrepancy: Discrepancy | None = None,
+    variation: Variation | None = None,
     response: Response | None = None,
 ) -> list[Prediction]:
     """Spectra of films of known weights over their own cards; each film's thickness is fitted to its readings.
@@ -94,13 +139,15 @@ def predict_films(
         films: to predict.
         recipes: sample -> paint -> weight, in any unit.
         noise: of a reading.
-        discrepancy: errors beside those of the recovery, by default `MIXED`.
+        discrepancy: a film's own errors of size one, by default `glazefit.film.variation.MIXED`.
+        variation: how large these are: what films that were left out taught (`LeftOut.variation`), by default what is
+            expected beforehand.
         response: model of one film, by default that of the recovery's instrument.
 
     Raises:
         ValueError: a film without a recipe, or with a paint that the recovery does not know.
     """
-    noise, discrepancy = noise or Noise(), discrepancy or MIXED
+    noise, discrepancy, variation = noise or Noise(), discrepancy or MIXED, variation or Variation()
     instrument, paints = recovery.instrument, len(recovery.paints)
     response = response or film_response(instrument.geometry, instrument.refractive_index)
     black, white, _, _ = cards(films, instrument, noise)
@@ -109,21 +156,38 @@ def predict_films(
     rng, count = np.random.default_rng(0), len(recovery.draws.paints)
     off = np.swapaxes(coefficient_errors(rng, (count, 2 * paints), films.wavelengths, discrepancy), 1, 2)
     model = model_errors(rng, count, 2, films.wavelengths, discrepancy)
+    scale, shape = _scale_and_shape(recovery)
+    often = jax.tree.map(lambda leaf: np.repeat(leaf[None], count, axis=0), recovery.unknowns)
     out = []
     for row, name in enumerate(films.names):
         measured = np.stack([films.over_black[row], films.over_white[row]], axis=-1)
+        share = _shares(recovery, name, recipes)
         film = _MeasuredFilm(
-            _shares(recovery, name, recipes),
+            share,
             np.stack([black[row], white[row]], axis=-1),
             measured,
             model_deviation(measured, noise, recovery.expectations),
         )
         thickness, surface, (mean,) = _spectra(recovery, response, film, best, np.zeros((1, *best.bands.shape[1:])))
-        _, _, draws = _spectra(recovery, response, film, recovery.draws, off)
-        draws = np.maximum(draws + model, 0.0)
+        drawn = {
+            "scale": _spectra(recovery, response, film, scale, np.zeros_like(off))[2],
+            "paint": _spectra(recovery, response, film, shape, np.zeros_like(off))[2],
+            "film": _spectra(recovery, response, film, often, off)[2] + model,
+        }
         gloss = float(surface[0] / instrument.seen_surface) if instrument.seen_surface else 0.0
-        out.append(Prediction(name, films.wavelengths, float(thickness[0]), gloss, mean[0], mean[1], draws))
+        own = tuple(paint for paint, part in zip(recovery.paints, share, strict=True) if part > 0)
+        deviations = {part: spectra - mean for part, spectra in drawn.items()}
+        out.append(Prediction(name, films.wavelengths, float(thickness[0]), gloss, *mean, own, deviations, variation))
     return out
+
+
+def _scale_and_shape(recovery: JointRecovery) -> tuple[Unknowns, Unknowns]:
+    """Draws in which only the scale of the paints' k and s is off, and draws in which all the rest is."""
+    best, draws = recovery.unknowns, recovery.draws
+    off = draws.bands - best.bands
+    level = np.broadcast_to(off.mean(axis=1, keepdims=True), off.shape)
+    same = np.broadcast_to(best.paints, draws.paints.shape)
+    return draws._replace(bands=best.bands + level, paints=same), draws._replace(bands=best.bands + off - level)
 
 
 class _MeasuredFilm(NamedTuple):

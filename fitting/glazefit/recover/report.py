@@ -15,6 +15,7 @@ from glazejax.spectra import ranges
 from .crossvalidation import LeftOut
 from .joint_result import RELATIVE_LIMIT, JointRecovery
 from .joint_result import RULE as JOINT_RULE
+from .prediction import PARTS
 from .result import RULE, Recovery
 
 PIGMENT_COLUMNS = (
@@ -272,6 +273,13 @@ def print_left_out(out: LeftOut, console: Console) -> None:
         f"Left out in turn and predicted from their recipes, {len(out.names)} mixtures: ΔE00 (D65, 10°) "
         f"{off.mean():.2f} on average, median {np.median(off):.2f}, {off[worst]:.2f} at most ({out.names[worst]}); "
         f"{out.inside.mean():.0%} of the readings lie in the 90 % bands."
+    )
+    parts = {part: np.mean([found.expected_error(parts=(part,)) for found in out.predictions]) for part in PARTS}
+    console.print(
+        f"What they were expected to be off, ΔE00 {out.expected.mean():.1f} on average, comes from the film "
+        f"({parts['film']:.1f}, as the other films left out show), from the scale of its paints ({parts['scale']:.1f}) "
+        f"and from the shape of their k and s ({parts['paint']:.1f}). From one mixing to the next expect ΔE00 "
+        f"{np.mean([found.between_mixings() for found in out.predictions]):.1f}."
     )
     if not out.complete:
         console.print("[yellow]Interrupted: the mixtures that follow were not left out.[/yellow]")

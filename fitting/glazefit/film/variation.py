@@ -1,0 +1,127 @@
+"""How far a film is from what its recipe says: paint is mixed, weighed and spread anew each time.
+
+Strength, the shape of k and s, and the model itself are off in each film by its own amount. `MIXED` says how these
+errors look; how large they are differs from film to film, so a film's size is one of `SIZES`, each with a probability:
+beforehand as in `PRIOR`, and as films that were left out of a fit then teach. The paints of a set differ in that: one
+that surprised once will again. So films count for all paints, and more for their own.
+"""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from .errors import Discrepancy
+
+MIXED = Discrepancy(coefficient=0.2, level=0.2, amplitude=0.004, scales=(1.0,), weights=(1.0,))
+"""Errors of k and s that a paint has in one film beside others, and of the model, for a film of size one."""
+SIZES = (0.03, 0.1, 0.3, 0.6, 1.0, 1.7, 3.0)
+"""Sizes that a film's errors may have."""
+PRIOR = (0.03, 0.04, 0.08, 0.15, 0.30, 0.30, 0.10)
+"""How probable each is where no film was left out. Nine tenths of the readings of the revigo films lie in their bands
+with it (`python -m benchmarks.prediction`); it was chosen on them."""
+# How many films the prior counts as beside those that were left out, and what all films say beside those of a paint.
+_ALL, _OWN = 20.0, 2.0
+_ROUNDS = 100
+_BANDS_APART = 40.0
+_NOISE = 0.003
+
+Weights = Float[np.ndarray, "sizes"]
+
+
+class Surprise(NamedTuple):
+    """What one film that was left out showed."""
+
+    film: str
+    paints: frozenset[str]
+    log_likelihood: Weights  # of its readings, for each size
+
+
+@dataclass(frozen=True)
+class Variation:
+    """How probable each of `SIZES` is.
+
+    Attributes:
+        weights: for a film of any paints, summing to 1.
+        of_paint: for films of one paint.
+        films: number of films that it was learned from; 0: as expected beforehand.
+    """
+
+    weights: Weights = field(default_factory=lambda: np.array(PRIOR))
+    of_paint: Mapping[str, Weights] = field(default_factory=dict)
+    films: int = 0
+
+    def of(self, paints: Sequence[str]) -> Weights:
+        """For a film of these paints: that of its paint that varies most."""
+        known = [self.of_paint[paint] for paint in paints if paint in self.of_paint]
+        return max(known, key=lambda weights: float(weights @ SIZES)) if known else self.weights
+
+    def size_of(self, paints: Sequence[str]) -> float:
+        """Root mean square size, for a film of these paints."""
+        return float(np.sqrt(self.of(paints) @ np.square(SIZES)))
+
+
+OF_SIZE_ONE = Variation(np.array([1.0 if size == 1.0 else 0.0 for size in SIZES]))
+"""Where errors are as large as stated."""
+
+
+def learn(surprises: Sequence[Surprise], mixing: Sequence[frozenset[str]] | None = None) -> Variation:
+    """Sizes of film errors from films that were left out, by maximum posterior (EM for a mixture's weights).
+
+    A film tells of its own paint, which is the one of it that is in fewest films: whites and blacks that everything is
+    mixed with are judged by what they have alone.
+
+    Args:
+        surprises: one of each film.
+        mixing: paints of all films that count for "in fewest", by default those of `surprises`.
+    """
+    if not surprises:
+        return Variation()
+    often = Counter(paint for paints in (mixing or [s.paints for s in surprises]) for paint in paints)
+    likelihood = np.stack([s.log_likelihood - s.log_likelihood.max() for s in surprises])
+    weights = _weights(np.exp(likelihood), np.array(PRIOR), _ALL)
+    rows: dict[str, list[int]] = {}
+    for row, surprise in enumerate(surprises):
+        rows.setdefault(min(sorted(surprise.paints), key=lambda paint: often[paint]), []).append(row)
+    own = {paint: _weights(np.exp(likelihood[chosen]), weights, _OWN) for paint, chosen in rows.items()}
+    return Variation(weights, own, len(surprises))
+
+
+def _weights(likelihood: Float[np.ndarray, "films sizes"], prior: Weights, films: float) -> Weights:
+    """Weights of a mixture, the prior counting as so many films."""
+    weights = prior
+    for _ in range(_ROUNDS):
+        share = likelihood * weights
+        share = share / share.sum(axis=1, keepdims=True)
+        weights = (films * prior + share.sum(axis=0)) / (films + len(likelihood))
+    return weights
+
+
+def log_likelihood(
+    off: Float[np.ndarray, "grounds bands"],
+    paint: Float[np.ndarray, "draws grounds bands"],
+    film: Float[np.ndarray, "draws grounds bands"],
+    wavelengths: Float[np.ndarray, "bands"],
+) -> Weights:
+    """Log likelihood of a film's readings for each size, Gaussian, up to a constant.
+
+    Args:
+        off: readings minus their prediction.
+        paint, film: deviations of draws from the prediction that the paints' k and s cause, and the film's own errors
+            of size one.
+        wavelengths: (bands,), nm. Bands nearer than 40 nm count as one.
+    """
+    # Every so many bands: what is left over is alike at neighbours in ways that no covariance describes.
+    step = max(1, round(_BANDS_APART / float(np.median(np.diff(wavelengths))))) if wavelengths.size > 1 else 1
+    r, p, f = (x[..., ::step].reshape(*x.shape[:-2], -1) for x in (off, paint, film))
+    fixed = p.T @ p / len(p) + _NOISE**2 * np.eye(r.size)
+    varied = f.T @ f / len(f)
+    out = []
+    for size in SIZES:
+        root = np.linalg.cholesky(fixed + size**2 * varied)
+        white = np.linalg.solve(root, r)
+        out.append(-0.5 * white @ white - np.log(np.diag(root)).sum())
+    return np.array(out)

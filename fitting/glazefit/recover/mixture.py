@@ -1,0 +1,262 @@
+"""One mixture as a paint of its own: what its paints and its weights foretell, and what one reading of it adds.
+
+Beforehand k and s of a mixture are uncertain as those of its paints are, and as films differ from their recipes
+(`glazefit.film.variation`). All of that is linear in a few errors that are standard normal: error modes of the mixture.
+A joint fit takes a paint with error modes as known (`known`), and finds what a reading says of them: strength above
+all. What is then foretold of other thicknesses and grounds is that same mixing, no more another one.
+"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from glazejax import Pigment
+from glazejax.paint.describe import format_length
+
+from ..film.errors import BETWEEN_FILMS, error_modes, relative_errors, smooth_kernel
+from ..film.films import Films, Instrument, Noise, usual_cards
+from ..film.mixing import MixingLaw
+from ..film.response import Response, film_response
+from ..film.variation import MIXED, OF_SIZE_ONE, Variation
+from .joint import UNIT, recover_jointly
+from .joint_problem import Expectations
+from .joint_result import JointRecovery
+from .prediction import Prediction
+
+_DRAWS = 256
+_SHAPES = 8
+# A reading of the mixture itself counts as far as the optics is exact, not as a paint between films.
+_CLOSE = Expectations(model_floor=0.003, model_share=0.003)
+
+Modes = Float[np.ndarray, "modes 2 bands"]
+
+
+def mixture_of(
+    pigments: Mapping[str, Pigment],
+    recipe: Mapping[str, float],
+    *,
+    wavelengths: Float[np.ndarray, "bands"] | None = None,
+    law: MixingLaw | None = None,
+    variation: Variation | None = None,
+    name: str = "",
+) -> Pigment:
+    """A mixture as a pigment: k and s by the mixing law, and all that is open of them as error modes.
+
+    Args:
+        pigments: by name.
+        recipe: paint -> weight, in any unit.
+        wavelengths: (bands,), nm, by default those of the first paint.
+        law: mixing law, by default linear by mass.
+        variation: how far films are from their recipes, by default as expected beforehand.
+        name: of the mixture, by default its recipe.
+
+    Raises:
+        ValueError: no paint, a weight that is negative, an unknown paint, or wavelengths that a paint does not cover.
+    """
+    k, s, parts, name = _mixed(pigments, recipe, wavelengths, law, variation, name)
+    grid = _grid(pigments, recipe, wavelengths)
+    modes = np.concatenate([parts["scale"] + parts["paint"], parts["film"]])
+    modes = modes[np.abs(modes).max(axis=(1, 2)) > 0]
+    size = np.sqrt(np.sum(modes**2, axis=0))
+    return Pigment(
+        name, grid, k, s, absorption_sd=k * size[0], scattering_sd=s * size[1], error_modes=modes, provenance=name
+    )
+
+
+def predict_mixture(
+    pigments: Mapping[str, Pigment],
+    recipe: Mapping[str, float],
+    thickness: Sequence[float],
+    *,
+    wavelengths: Float[np.ndarray, "bands"] | None = None,
+    ground: tuple[Any, Any] | None = None,
+    instrument: Instrument | None = None,
+    law: MixingLaw | None = None,
+    variation: Variation | None = None,
+    calibrated: JointRecovery | None = None,
+) -> list[Prediction]:
+    """What a mixture of known paints will look like at some thicknesses, over a black and a white ground.
+
+    Args:
+        pigments, recipe, wavelengths, law, variation: as for `mixture_of`.
+        thickness: m.
+        ground: internal reflectance of the black and the white ground, each a number or (bands,); by default usual
+            cards.
+        instrument: by default d:8 with the specular part, refractive index 1.5.
+        calibrated: what `calibrate_mixture` found; then it is that mixing which is foretold.
+
+    Returns:
+        A `Prediction` for each thickness, whose relative thickness is in units of `glazefit.recover.joint.UNIT`.
+
+    Raises:
+        ValueError: as `mixture_of`, or a thickness that is not positive.
+    """
+    instrument = instrument or Instrument()
+    response = film_response(instrument.geometry, instrument.refractive_index)
+    paints = tuple(paint for paint, weight in recipe.items() if weight > 0)
+    if calibrated is None:
+        k, s, parts, _ = _mixed(pigments, recipe, wavelengths, law, variation, "")
+        grid = _grid(pigments, recipe, wavelengths)
+        rng = np.random.default_rng(0)
+        own, film = (rng.standard_normal((_DRAWS, len(parts[part]))) for part in ("paint", "film"))
+        # Scale and shape are two sides of the same errors.
+        drawn = {"scale": own, "paint": own, "film": film}
+        off = {part: np.einsum("dm,mcb->dcb", drawn[part], modes) for part, modes in parts.items()}
+        gloss = np.ones(1)
+    else:
+        grid = calibrated.wavelengths
+        k, s = (found[0] / UNIT for found in (calibrated.absorption, calibrated.scattering))
+        drawn = calibrated.draws.bands - calibrated.unknowns.bands  # (draws, bands, 2)
+        off = {"paint": np.swapaxes(drawn, 1, 2)}
+        gloss = calibrated.gloss
+    empty = np.zeros((len(next(iter(off.values()))), 2, grid.size))
+    grounds = usual_cards(grid) if ground is None else tuple(np.broadcast_to(g, grid.shape) for g in ground)
+    surface = instrument.seen_surface * float(gloss[0])
+    out = []
+    for metres in thickness:
+        if not metres > 0:
+            raise ValueError(f"a thickness of {metres:g} m; it must be above 0, in metres, such as 25e-6")
+        mean = _read(response, k * metres, s * metres, np.zeros((1, 2, grid.size)), grounds)[0]
+        spread = {part: _read(response, k * metres, s * metres, o, grounds) - mean for part, o in off.items()}
+        deviations = {part: spread.get(part, empty) for part in ("scale", "paint", "film")}
+        over_black, over_white = mean + surface
+        # How large errors are is in the modes already, or it is one mixing.
+        out.append(
+            Prediction(
+                format_length(metres),
+                grid,
+                metres / UNIT,
+                float(gloss[0]),
+                over_black,
+                over_white,
+                paints,
+                deviations,
+                OF_SIZE_ONE,
+            )
+        )
+    return out
+
+
+def calibrate_mixture(
+    pigments: Mapping[str, Pigment],
+    recipe: Mapping[str, float],
+    films: Films,
+    *,
+    law: MixingLaw | None = None,
+    variation: Variation | None = None,
+    instrument: Instrument | None = None,
+    noise: Noise | None = None,
+    response: Response | None = None,
+) -> JointRecovery:
+    """k and s of one mixture, from its paints and a reading of it: above all how strong it came out.
+
+    Args:
+        pigments, recipe, law, variation: as for `mixture_of`.
+        films: of that one mixture; over one card or two, or opaque.
+        instrument: by default d:8 with the specular part, refractive index 1.5.
+        noise: of a reading, by default told from its roughness.
+        response: model of one film, by default that of the instrument.
+
+    Returns:
+        A joint recovery whose only paint is the mixture: `pigment` gives its k and s, `thickness` that of the films (in
+        units of `glazefit.recover.joint.UNIT`, on the scale of the paints), `fitted_black` and `fitted_white` the
+        reading as it is met.
+
+    Raises:
+        ValueError: as `mixture_of` and `recover_jointly`.
+    """
+    mix = mixture_of(pigments, recipe, wavelengths=films.wavelengths, law=law, variation=variation)
+    return recover_jointly(
+        films,
+        {film: {mix.name: 1.0} for film in films.names},
+        instrument=instrument,
+        noise=noise,
+        expectations=_CLOSE,
+        response=response,
+        known={mix.name: mix},
+        unit=UNIT,
+    )
+
+
+def _paints(pigments: Mapping[str, Pigment], recipe: Mapping[str, float]) -> dict[str, Pigment]:
+    unknown = [paint for paint in recipe if paint not in pigments]
+    if unknown:
+        raise ValueError(f"no paint is called {unknown[0]!r}; known: {', '.join(pigments)}")
+    wrong = [paint for paint, weight in recipe.items() if not (weight >= 0 and np.isfinite(weight))]
+    if wrong:
+        raise ValueError(f"the weight of {wrong[0]} is {recipe[wrong[0]]:g}; it must be 0 or more")
+    there = {paint: pigments[paint] for paint, weight in recipe.items() if weight > 0}
+    if not there:
+        raise ValueError("the recipe holds no paint with a weight above 0")
+    return there
+
+
+def _grid(
+    pigments: Mapping[str, Pigment], recipe: Mapping[str, float], wavelengths: Float[np.ndarray, "bands"] | None
+) -> Float[np.ndarray, "bands"]:
+    first = next(iter(_paints(pigments, recipe).values()))
+    return np.asarray(first.wavelengths if wavelengths is None else wavelengths)
+
+
+def _mixed(
+    pigments: Mapping[str, Pigment],
+    recipe: Mapping[str, float],
+    wavelengths: Float[np.ndarray, "bands"] | None,
+    law: MixingLaw | None,
+    variation: Variation | None,
+    name: str,
+) -> tuple[Float[np.ndarray, "bands"], Float[np.ndarray, "bands"], dict[str, Modes], str]:
+    """k and s (1/m) of a mixture, error modes of their logs, and a name.
+
+    The modes of the paints are split into the scale of k and s and their shape, which go together; those of the film
+    are others.
+    """
+    variation = variation or Variation()
+    grid = _grid(pigments, recipe, wavelengths)
+    paints = [paint.resample(grid) for paint in _paints(pigments, recipe).values()]
+    names = [paint.name for paint in paints]
+    shares = (law or MixingLaw()).shares(np.array([[recipe[n] for n in names]]), names)[0]
+    each = np.stack([[p.absorption, p.scattering] for p in paints]) * shares[:, None, None]  # (paints, 2, bands)
+    whole = each.sum(axis=0)
+    # What 1 % more of a paint's k adds to that of the mixture, in per cent.
+    part = each / np.maximum(whole, 1e-300)
+    stated = relative_errors(paints, BETWEEN_FILMS)[:, :, None] * _smooth(grid, BETWEEN_FILMS.coefficient_length)
+    shared = np.moveaxis(error_modes(paints, BETWEEN_FILMS), -1, 0)
+    own = np.concatenate([_each(len(paints), stated), shared])  # (modes, paints, 2, bands)
+    level = np.broadcast_to(own.mean(axis=-1, keepdims=True), own.shape)
+    smooth = MIXED.coefficient * _smooth(grid, MIXED.coefficient_length)
+    varied = np.concatenate([smooth, np.full((1, grid.size), MIXED.level)])
+    film = variation.size_of(names) * _each(len(paints), np.broadcast_to(varied, (len(paints), 2, *varied.shape)))
+    parts = {"scale": level, "paint": own - level, "film": film}
+    modes = {what: np.einsum("mpcb,pcb->mcb", several, part) for what, several in parts.items()}
+    words = " + ".join(f"{100 * share:.3g} {paint}" for share, paint in zip(shares, names, strict=True))
+    return whole[0], whole[1], modes, name or words
+
+
+def _smooth(grid: Float[np.ndarray, "bands"], length: float) -> Float[np.ndarray, "shapes bands"]:
+    """Modes of an error of size one that is smooth over some nm."""
+    values, shapes = np.linalg.eigh(smooth_kernel(grid, length))
+    return (shapes[:, -_SHAPES:] * np.sqrt(np.maximum(values[-_SHAPES:], 0.0))).T
+
+
+def _each(paints: int, modes: Float[np.ndarray, "paints 2 shapes bands"]) -> Float[np.ndarray, "all paints 2 bands"]:
+    """Modes in which one coefficient of one paint is off at a time."""
+    out = np.zeros((paints, 2, modes.shape[2], paints, 2, modes.shape[3]))
+    for paint in range(paints):
+        for kind in (0, 1):
+            out[paint, kind, :, paint, kind] = modes[paint, kind]
+    return out.reshape(-1, paints, 2, modes.shape[3])
+
+
+def _read(
+    response: Response,
+    kd: Float[np.ndarray, "bands"],
+    sd: Float[np.ndarray, "bands"],
+    off: Float[np.ndarray, "draws 2 bands"],
+    grounds: tuple[Float[np.ndarray, "bands"], ...],
+) -> Float[np.ndarray, "draws 2 bands"]:
+    """What the body reflects over two grounds, with errors of log k and log s."""
+    k, s = kd * np.exp(off[:, 0]), sd * np.exp(off[:, 1])
+    return np.stack([np.asarray(response.body(k, s, np.broadcast_to(g, k.shape))) for g in grounds], axis=1)

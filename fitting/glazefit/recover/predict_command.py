@@ -1,0 +1,243 @@
+"""The command `glazejax predict`: what a mixture will look like, how sure that is, and what one reading of it adds."""
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from glazejax.commands import options, progress
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from glazejax import Pigment
+
+    from ..film.films import Films
+    from .joint_result import JointRecovery
+    from .prediction import Prediction
+
+_GEOMETRY, _USUAL = "d:8", "25um"
+_FAR = 2.0
+"""Delta E00 of a reading from its fit beyond which the mixture may be another one."""
+_PART = re.compile(r"(?:(?P<weight>\d+\.?\d*|\.\d+)(?:\s*[%*]\s*|\s+))?(?P<name>\S.*)")
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("predict")(predict)
+
+
+def predict(
+    mixture: Annotated[
+        str,
+        typer.Argument(
+            metavar="MIXTURE",
+            help="Paints and parts by weight, in any unit: '10 Vermillion + 90 ZincWhite'.",
+            show_default=False,
+        ),
+    ],
+    reading: Annotated[
+        Path | None,
+        typer.Option(
+            "--reading",
+            metavar="FILE",
+            help="Spectra of one film of this mixture: rows NAME_ob and NAME_ow (over a black, a white card), or one "
+            "of them, or NAME alone (it hides what is below), and card_b, card_w. It says how strong it came out.",
+            show_default=False,
+        ),
+    ] = None,
+    samples: options.Samples = "",
+    thickness: Annotated[
+        str,
+        typer.Option(
+            "--thickness",
+            metavar="LENGTHS",
+            help="Of the films to predict: 5um,25um. Default: 25um, or with --reading half, once and twice its film's.",
+            show_default=False,
+        ),
+    ] = "",
+    out: options.Csv = None,
+    pigments: options.Pigments = None,
+    catalogue: options.CatalogueName = options.OILS,
+    geometry: Annotated[str | None, options.geometry_option(_GEOMETRY)] = None,
+    refractive_index: options.RefractiveIndex = 1.5,
+    illuminant: options.Illuminant = "D65",
+    observer: options.Observer = "10",
+    overwrite: options.Overwrite = False,
+) -> None:
+    """What a mixture of known paints will look like, and how sure that is.
+
+    The colour over a usual black and white card (or those of --reading),
+    with the colour difference to be expected: from one mixing to the next,
+    and from what is not known of the paints. A reading of one film tells
+    how strong the mixture came out; its other films are then known better.
+
+    Example: glazejax predict "10 Vermillion + 90 ZincWhite"
+    """
+    recipe = read_recipe(mixture)
+    options.check_outputs({"--csv": out}, overwrite)
+    seen_by = options.read_geometry(geometry, _GEOMETRY)
+    wanted = [options.read_length(text) for text in options.listed(thickness)]
+    if samples and reading is None:
+        raise ValueError("--samples is for the film of --reading; leave it out, or give --reading FILE")
+    from glazejax.colour import find_illuminant, find_observer
+    from glazejax.paint.describe import find_name
+
+    illuminant, observer = find_illuminant(illuminant), find_observer(observer)
+    shelf = options.read_shelf(pigments, catalogue)
+    recipe = {find_name(name, shelf): weight for name, weight in recipe.items()}
+
+    from rich.console import Console
+
+    from glazejax.commands.main import start_jax
+
+    from ..film.films import Instrument, cards
+    from ..film.noise import estimate_noise
+    from .joint import UNIT
+    from .mixture import calibrate_mixture, predict_mixture
+
+    start_jax()
+    console = Console(highlight=False)
+    instrument = Instrument(seen_by, refractive_index)
+    found, grid, ground = None, None, None
+    if reading is not None:
+        film = _film(reading, samples, shelf, recipe, console)
+        noise = estimate_noise(film)
+        with console.status("compiling, then fitting the reading"):
+            found = calibrate_mixture(shelf, recipe, film, instrument=instrument, noise=noise)
+        grid = film.wavelengths
+        black, white, _, _ = cards(film, instrument, noise)
+        ground = (black[0], white[0])
+        own = float(found.thickness[0]) * UNIT
+        wanted = wanted or ([own] if film.opaque[0] else [0.5 * own, own, 2.0 * own])
+    wanted = wanted or [options.read_length(_USUAL)]
+    with console.status("compiling, then predicting"):
+        made = predict_mixture(
+            shelf, recipe, wanted, wavelengths=grid, ground=ground, instrument=instrument, calibrated=found
+        )
+    if out is not None:
+        _write(made, out, overwrite)
+    if found is not None:
+        before = predict_mixture(shelf, recipe, wanted, wavelengths=grid, ground=ground, instrument=instrument)
+        _say_reading(found, made, before, (illuminant, observer), console)
+    _print(made, found is None, (illuminant, observer), console)
+    if out is not None:
+        console.print(f"Wrote {out}", markup=False)
+
+
+def read_recipe(text: str) -> dict[str, float]:
+    """Paints and weights of ``10 Vermillion + 90 ZincWhite`` or ``0.1*Vermillion + 0.9*ZincWhite``; one paint alone.
+
+    Raises:
+        ValueError: a part without a name, several paints of which one has no weight, or a paint named twice.
+    """
+    recipe: dict[str, float] = {}
+    parts = text.split("+")
+    for part in parts:
+        match = _PART.fullmatch(part.strip())
+        weight = match and match["weight"]
+        if match is None or (weight is None and len(parts) > 1):
+            raise ValueError(f"cannot read {part.strip()!r} in {text!r}; write '10 Vermillion + 90 ZincWhite'")
+        name = match["name"].strip()
+        if name in recipe:
+            raise ValueError(f"{name} is named twice in {text!r}; add its weights up")
+        recipe[name] = 1.0 if weight is None else float(weight)
+    if not sum(recipe.values()) > 0:
+        raise ValueError(f"all weights in {text!r} are 0")
+    return recipe
+
+
+def _film(
+    path: Path, samples: str, shelf: "Mapping[str, Pigment]", recipe: Mapping[str, float], console: "Console"
+) -> "Films":
+    """The one film that was read, on a grid that all paints cover."""
+    from ..film.loose import average, crop, read_loose_films
+
+    films = read_loose_films(path)
+    if wanted := options.listed(samples):
+        films = films.select(wanted)
+    if len(films) != 1:
+        raise ValueError(
+            f"{path}: --reading takes one film, and there are {len(films)}: choose with --samples, from "
+            f"{', '.join(films.names[:8])}{' ...' if len(films) > 8 else ''}"
+        )
+    films = average(films)
+    for name in recipe:
+        grid = shelf[name].wavelengths
+        films = crop(films, grid[0], grid[-1], f"{name} is known there only")
+    progress.print_notes(console, path, films.notes)
+    return films
+
+
+def _say_reading(
+    found: "JointRecovery",
+    made: "Sequence[Prediction]",
+    before: "Sequence[Prediction]",
+    eye: tuple[str, str],
+    console: "Console",
+) -> None:
+    import numpy as np
+
+    from glazejax.paint.describe import format_length
+
+    from .joint import UNIT
+
+    film = found.films
+    fit = found.delta_e(*eye)[0][film.seen[0]]
+    thick = "it hides what is below" if film.opaque[0] else format_length(float(f"{found.thickness[0] * UNIT:.3g}"))
+    first, then = (np.mean([p.expected_error(*eye) for p in some]) for some in (before, made))
+    console.print(
+        f"Reading {film.names[0]}: met to ΔE00 {fit.mean():.2f}; thickness {thick}, on the scale of these paints. "
+        f"Expected error of the films below: ΔE00 {first:.1f} without the reading, {then:.1f} with it."
+    )
+    if not found.converged:
+        console.print("[yellow]The fit of the reading did not settle; take what follows as rough.[/yellow]")
+    if fit.max() > _FAR:
+        console.print(
+            f"[yellow]The reading is met no nearer than ΔE00 {fit.max():.1f}: is the mixture what was said?[/yellow]"
+        )
+
+
+def _print(made: "Sequence[Prediction]", anew: bool, eye: tuple[str, str], console: "Console") -> None:
+    """A table of colours, and what they are expected to be off."""
+    import numpy as np
+
+    from glazejax import colour
+    from glazejax.plots import hex_colour
+    from glazejax.report import plain_table, swatch
+
+    mixture = "+".join(made[0].paints)
+    table = plain_table("film", "over", "", "L*", "a*", "b*", "expected ΔE00", words=(0, 1, 2))
+    for found in made:
+        off = found.delta_e(found.draws[:, 0], found.draws[:, 1], *eye).mean(axis=0)
+        for card, spectrum in enumerate(found.reflectance):
+            lab = np.asarray(colour.lab(found.wavelengths, spectrum, illuminant=eye[0], observer=eye[1]))
+            shade = swatch(hex_colour(colour.srgb(found.wavelengths, spectrum, illuminant=eye[0])), 4)
+            name = found.name if card == 0 else ""
+            table.add_row(name, ("black", "white")[card], shade, *(f"{v:.1f}" for v in lab), f"{off[card]:.1f}")
+    console.print(table)
+    if anew:
+        next_one = np.mean([found.between_mixings(*eye) for found in made])
+        parts = {part: np.mean([p.expected_error(*eye, parts=(part,)) for p in made]) for part in made[0].deviations}
+        console.print(
+            f"Expect ΔE00 {next_one:.1f} from one mixing of {mixture} to the next. What is not known of the "
+            f"paints adds {parts['scale']:.1f} by their scale and {parts['paint']:.1f} by the shape of their k and s."
+        )
+        console.print("[dim]A reading of one film of it narrows that: --reading FILE.[/dim]")
+
+
+def _write(made: "Sequence[Prediction]", path: Path, overwrite: bool) -> None:
+    from glazejax.io import write_table
+
+    def rows() -> Any:
+        for found in made:
+            low, high = found.interval()
+            for card, over in enumerate(("black", "white")):
+                for band, wavelength in enumerate(found.wavelengths):
+                    values = (found.reflectance[card, band], low[card, band], high[card, band])
+                    yield (found.name, over, f"{wavelength:g}", *(f"{value:.6f}" for value in values))
+
+    header = ("film", "over", "wavelength_nm", "reflectance", "lower_90", "upper_90")
+    write_table(path, header, rows(), overwrite=overwrite)

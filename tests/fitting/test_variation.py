@@ -1,0 +1,306 @@
+"""How far films are from their recipes, what left-out films teach of it, and one reading of a mixture."""
+
+import csv
+import dataclasses
+import sys
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import glazejax.commands.main
+from glazefit import Films, Noise, simulate_films
+from glazefit.film.variation import PRIOR, SIZES, Surprise, Variation, learn, log_likelihood
+from glazefit.recover.joint import UNIT
+from glazefit.recover.mixture import calibrate_mixture, mixture_of, predict_mixture
+from glazefit.recover.predict_command import read_recipe
+from glazejax import Pigment, catalogue, colour
+from glazejax.commands.main import main
+
+GRID = np.arange(400.0, 701.0, 20.0)
+TINT = {"Vermillion": 10.0, "ZincWhite": 90.0}
+
+
+@pytest.fixture(scope="module")
+def paints() -> dict[str, Pigment]:
+    return {name: catalogue.pigment(name).resample(GRID) for name in ("Vermillion", "ZincWhite", "BoneBlack")}
+
+
+def painted(paints, recipe, strength, thickness, names=None, noise=None) -> Films:
+    """Films of a mixture in which the first paint counts for more than its weight."""
+    first = next(iter(recipe))
+    counted = {name: weight * (strength if name == first else 1.0) for name, weight in recipe.items()}
+    total = sum(recipe.values())
+    k, s = (
+        sum(w / total * np.asarray(getattr(paints[n], what)) for n, w in counted.items())
+        for what in ("absorption", "scattering")
+    )
+    d = np.asarray(thickness)[:, None]
+    return simulate_films(names or [f"f{i}" for i in range(len(d))], GRID, k * d, s * d, noise=noise or Noise(1e-5, 0))
+
+
+def delta_e(one, other):
+    lab = [np.asarray(colour.lab(GRID, values, illuminant="D65", observer=10)) for values in (one, other)]
+    return np.asarray(colour.delta_e_2000(*lab))
+
+
+def surprises(size: float, count: int, paint: str, rng) -> list[Surprise]:
+    """Films whose errors really have this size."""
+    known = 0.001 * rng.standard_normal((200, 2, GRID.size))
+    own = 0.05 * rng.standard_normal((200, 2, 1)) + 0.02 * rng.standard_normal((200, 2, GRID.size))
+    out = []
+    for i in range(count):
+        off = size * (0.05 * rng.standard_normal((2, 1)) + 0.02 * rng.standard_normal((2, GRID.size)))
+        off = off + 0.001 * rng.standard_normal(off.shape)
+        out.append(Surprise(f"{paint}{i}", frozenset({paint, "white"}), log_likelihood(off, known, own, GRID)))
+    return out
+
+
+@pytest.mark.parametrize("size", [0.1, 0.6, 3.0])
+def test_sizes_that_films_have_are_found(size):
+    found = surprises(size, 300, "red", np.random.default_rng(2))
+    total = np.sum([s.log_likelihood for s in found], axis=0)
+    assert SIZES[int(total.argmax())] == size
+    learned = learn(found)
+    assert learned.films == 300
+    assert learned.weights.sum() == pytest.approx(1.0)
+    assert SIZES[int(learned.weights.argmax())] == size
+
+
+def test_nothing_left_out_is_as_expected_beforehand():
+    assert learn([]).films == 0
+    np.testing.assert_array_equal(learn([]).weights, Variation().weights)
+    np.testing.assert_allclose(Variation().of(["red"]), PRIOR)
+    assert sum(PRIOR) == pytest.approx(1.0)
+
+
+def test_a_paint_that_surprised_is_expected_to_again():
+    rng = np.random.default_rng(3)
+    found = learn(surprises(0.1, 12, "calm", rng) + surprises(3.0, 12, "wild", rng))
+    calm, both, wild = (found.size_of(paints) for paints in (["calm", "white"], ["other"], ["wild", "white"]))
+    assert calm < both < wild
+    # Of several paints the one that varies most decides.
+    assert found.size_of(["calm", "wild"]) == wild
+
+
+def test_likelihood_is_that_of_a_gaussian():
+    rng = np.random.default_rng(5)
+    known, own, off = (0.02 * rng.standard_normal((50, 2, 3)) for _ in range(3))
+    found = log_likelihood(off[0], known, own, np.array([400.0, 500.0, 600.0]))
+    from scipy.stats import multivariate_normal
+
+    for place, size in enumerate(SIZES):
+        covariance = np.einsum("di,dj->ij", known.reshape(50, 6), known.reshape(50, 6)) / 50
+        covariance += size**2 * np.einsum("di,dj->ij", own.reshape(50, 6), own.reshape(50, 6)) / 50
+        exact = multivariate_normal(np.zeros(6), covariance + 0.003**2 * np.eye(6)).logpdf(off[0].ravel())
+        assert found[place] - exact == pytest.approx(3 * np.log(2 * np.pi))
+
+
+def test_modes_of_a_mixture_are_slopes_of_its_logs(paints):
+    """Against finite differences: each paint's own mode, mixed anew."""
+    found = mixture_of(paints, TINT, variation=Variation(np.eye(len(SIZES))[0]))
+    assert found.error_modes is not None
+    step, total = 1e-4, np.zeros((2, GRID.size))
+    for mode in range(32):
+        moved = {
+            name: Pigment(
+                name,
+                GRID,
+                paint.absorption * jnp.exp(step * paint.error_modes[mode, 0]),
+                paint.scattering * jnp.exp(step * paint.error_modes[mode, 1]),
+            )
+            for name, paint in paints.items()
+        }
+        other = mixture_of(moved, TINT)
+        pairs = ((other.absorption, found.absorption), (other.scattering, found.scattering))
+        total += np.array([np.log(np.asarray(a) / np.asarray(b)) / step for a, b in pairs]) ** 2
+    # The film's own errors of size .03 add to it: .2 and .2 of each paint, as far as it counts in the mixture.
+    each = np.array([[p.absorption, p.scattering] for p in (paints["Vermillion"], paints["ZincWhite"])])
+    part = each * np.array([0.1, 0.9])[:, None, None]
+    part = part / part.sum(axis=0)
+    film = (0.03 * np.hypot(0.2, 0.2)) ** 2 * np.sum(part**2, axis=0)
+    # Eight shapes hold nearly all of the smooth error.
+    np.testing.assert_allclose(np.sum(np.asarray(found.error_modes) ** 2, axis=0), total + film, rtol=0.03)
+
+
+def test_mixing_is_by_weight(paints):
+    found = mixture_of(paints, {"Vermillion": 1.0, "BoneBlack": 3.0})
+    k = 0.25 * np.asarray(paints["Vermillion"].absorption) + 0.75 * np.asarray(paints["BoneBlack"].absorption)
+    np.testing.assert_allclose(found.absorption, k)
+    assert found.name == "25 Vermillion + 75 BoneBlack"
+
+
+def test_one_reading_tells_the_strength(paints):
+    films = painted(paints, TINT, 0.6, [20e-6, 8e-6, 40e-6])
+    found = calibrate_mixture(paints, TINT, films.take([0]), noise=Noise())
+    assert found.converged
+    # How thick the film is comes out on the scale of its paints.
+    lengths = np.array([1.0, 0.4, 2.0]) * found.thickness[0] * UNIT
+    before = predict_mixture(paints, TINT, lengths, wavelengths=GRID)
+    after = predict_mixture(paints, TINT, lengths, wavelengths=GRID, calibrated=found)
+    off = [
+        [p.delta_e(films.over_black[i], films.over_white[i]).mean() for i, p in enumerate(some)]
+        for some in (before, after)
+    ]
+    assert min(off[0]) > 2.0
+    assert max(off[1]) < 0.3
+    for row, (first, then) in enumerate(zip(before, after, strict=True)):
+        assert then.expected_error() < 0.5 * first.expected_error()
+        low, high = then.interval(0.98)
+        truth = np.stack([films.over_black[row], films.over_white[row]])
+        assert np.mean((low <= truth) & (truth <= high)) > 0.9
+
+
+def test_one_card_leaves_the_thickness_open(paints):
+    """A film half as strong and a thinner one look alike over white: the bands say so."""
+    films = painted(paints, TINT, 0.6, [20e-6])
+    alone = dataclasses.replace(films, seen=np.array([[False, True]]))
+    wide, narrow = (calibrate_mixture(paints, TINT, some, noise=Noise()) for some in (alone, films))
+    sd = [found.draws.films[:, 0, 0].std() for found in (wide, narrow)]
+    assert sd[0] > 1.3 * sd[1]
+    length = [wide.thickness[0] * UNIT]
+    (found,) = predict_mixture(paints, TINT, length, wavelengths=GRID, calibrated=wide)
+    off = found.delta_e(films.over_black, films.over_white)[0]
+    assert off[1] < 0.1  # the reading itself
+    assert off[0] < 3 * found.expected_error()
+
+
+def test_a_prediction_without_errors_is_the_film(paints):
+    films = painted(paints, TINT, 1.0, [12e-6])
+    (found,) = predict_mixture(paints, TINT, [12e-6], wavelengths=GRID)
+    np.testing.assert_allclose(found.reflectance, [films.over_black[0], films.over_white[0]], atol=2e-4)
+
+
+def test_more_variation_is_a_wider_band(paints):
+    small, large = (
+        predict_mixture(paints, TINT, [12e-6], variation=Variation(np.eye(len(SIZES))[place]))[0] for place in (1, 5)
+    )
+    ratio = large.expected_error(parts=("film",)) / small.expected_error(parts=("film",))
+    assert ratio == pytest.approx(SIZES[5] / SIZES[1], rel=0.2)
+    assert large.expected_error(parts=("scale",)) == pytest.approx(small.expected_error(parts=("scale",)))
+    assert large.expected_error() > small.expected_error()
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("10 Vermillion + 90 ZincWhite", TINT),
+        ("0.1*Vermillion+0.9*ZincWhite", {"Vermillion": 0.1, "ZincWhite": 0.9}),
+        ("10% Vermillion + 90 % ZincWhite", TINT),
+        ("Vermillion", {"Vermillion": 1.0}),
+    ],
+)
+def test_recipes_are_read(text, expected):
+    assert read_recipe(text) == expected
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("10 Vermillion + ZincWhite", "cannot read 'ZincWhite'"),
+        ("10 Vermillion + ", "cannot read ''"),
+        ("1 Eosin + 2 Eosin", "Eosin is named twice"),
+        ("0 Eosin", "are 0"),
+    ],
+)
+def test_recipes_that_are_none(text, words):
+    with pytest.raises(ValueError, match=words):
+        read_recipe(text)
+
+
+@pytest.mark.parametrize(
+    ("recipe", "words"),
+    [
+        ({"Blue": 1.0}, "no paint is called 'Blue'"),
+        ({"Vermillion": -1.0, "ZincWhite": 2.0}, "weight of Vermillion is -1"),
+        ({"Vermillion": np.nan}, "weight of Vermillion is nan"),
+        ({"Vermillion": 0.0}, "no paint with a weight above 0"),
+    ],
+)
+def test_mixtures_that_are_none(paints, recipe, words):
+    with pytest.raises(ValueError, match=words):
+        mixture_of(paints, recipe)
+
+
+def test_thickness_is_above_nothing(paints):
+    with pytest.raises(ValueError, match="thickness of 0 m"):
+        predict_mixture(paints, TINT, [0.0])
+
+
+@pytest.fixture
+def run(monkeypatch, tmp_path, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(glazejax.commands.main, "start_jax", lambda: None)
+    monkeypatch.setenv("COLUMNS", "150")
+
+    def call(*words):
+        monkeypatch.setattr(sys, "argv", ["glazejax", "predict", *map(str, words)])
+        with pytest.raises(SystemExit) as stop:
+            main()
+        out, err = capsys.readouterr()
+        return stop.value.code or 0, " ".join(out.split()), err
+
+    return call
+
+
+def write(path, films, rows=("b", "w", "ob", "ow")):
+    arrays = {"b": films.bare_black, "w": films.bare_white, "ob": films.over_black, "ow": films.over_white}
+    lines = ["\t".join(["Name", *(f"{w:g}" for w in films.wavelengths)])]
+    for i, name in enumerate(films.names):
+        lines += ["\t".join([f"{name}_{end}", *(f"{v:.6f}" for v in arrays[end][i])]) for end in rows]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+def test_command_says_how_sure_it_is(run, tmp_path):
+    status, out, err = run("10 vermillion + 90 zincwhite", "--thickness", "10um,30um", "--csv", "p.csv")
+    assert (status, err) == (0, "")
+    assert "10 µm" in out
+    assert "30 µm" in out
+    assert "from one mixing of Vermillion+ZincWhite to the next" in out
+    with (tmp_path / "p.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert {row["film"] for row in rows} == {"10 µm", "30 µm"}
+    assert all(float(r["lower_90"]) <= float(r["reflectance"]) <= float(r["upper_90"]) for r in rows)
+
+
+def test_command_learns_from_a_reading(run, tmp_path, paints):
+    films = painted(paints, TINT, 0.6, [20e-6], ["mine"], Noise())
+    file = write(tmp_path / "one.tsv", films)
+    status, out, err = run("10 Vermillion + 90 ZincWhite", "--reading", file)
+    assert (status, err) == (0, "")
+    assert "Reading mine: met to" in out
+    before, after = out.split("ΔE00")[2].split()[0], out.split("without the reading,")[1].split()[0]
+    assert float(after) < 0.5 * float(before)
+    assert "to the next" not in out
+
+
+def test_command_refuses_in_one_line(run, tmp_path, paints):
+    two = write(tmp_path / "two.tsv", painted(paints, TINT, 1.0, [9e-6, 20e-6]))
+    for words, said in (
+        (["10 Vermillion + 90 ZincWhite", "--reading", two], "takes one film, and there are 2"),
+        (["10 Vermillion + 90 ZincWhite", "--reading", tmp_path / "no.tsv"], "no.tsv"),
+        (["10 Vermilion + 90 ZincWite", "--samples", "a"], "--samples is for the film of --reading"),
+        (["10 Vermillion + 90 Zinkweiss"], "Zinkweiss"),
+        (["10 Vermillion + 90 ZincWhite", "--thickness", "0um"], "above 0"),
+    ):
+        status, _, err = run(*words)
+        assert status == 2
+        assert said in err
+        assert err.count("\n") == 1
+
+
+def test_light_and_eye_reach_the_colours(run):
+    (paint,) = predict_mixture(catalogue.load(), {"Vermillion": 1.0}, [10e-6])
+    for light, eye, degrees in (("D65", "10", 10), ("A", "2", 2)):
+        _, out, _ = run("Vermillion", "--thickness", "10um", "--illuminant", light, "--observer", eye)
+        lab = np.asarray(colour.lab(paint.wavelengths, paint.over_white, illuminant=light, observer=degrees))
+        assert [float(word) for word in out.split("white")[1].split()[:3]] == pytest.approx(lab, abs=0.051)
+
+
+def test_geometry_reaches_the_calculation(run, tmp_path):
+    colours = []
+    for geometry in ("d:8", "45:0"):
+        _, out, _ = run("Vermillion", "--geometry", geometry, "--thickness", "10um")
+        colours.append(out.split("white")[1].split()[:1])
+    assert float(colours[1][0]) < float(colours[0][0])
