@@ -182,6 +182,8 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
                            engine="recover_jointly"),
         "--wet-film": Reaches("--wet-film 80um±20%", lambda g: (g["gauge"].typical, g["gauge"].error),
                               (pytest.approx(80e-6), 0.2), engine="recover_jointly"),
+        "--excluded": Reaches("--excluded dull.csv", lambda g: g["gloss"], {"one": pytest.approx(0.8, abs=0.05)},
+                              engine="recover_jointly"),
         "--simulate": Reaches("--out found --simulate --samples Eosin", lambda g: [*map(name_of, g["paints"])],
                               ["Eosin"], base=" ", engine="simulate_paints"),
         "--seed": Reaches("--seed 7", lambda g: g["seed"], 7, base="--out found --simulate"),
@@ -286,6 +288,7 @@ def _reach(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], Reached | No
     table(SPECTRA, {"one": 0.4, "two": 0.6})
     cards = {"b": 0.06, "w": 0.85, "ob": 0.3, "ow": 0.5}
     table(FILMS, {f"{film}_{end}": value for film in ("one", "two") for end, value in cards.items()})
+    table("dull.csv", {f"one_{end}": value - 0.032 for end, value in cards.items()})
     table("one.csv", {f"one_{end}": value for end, value in cards.items()})
     mixed = ("Blue", "Blue 1:3 ZincWhite", "Blue 1:3 Own")
     table("tube.csv", {f"{film}_{end}": value for film in mixed for end, value in cards.items()})

@@ -236,9 +236,10 @@ def test_mixtures_are_left_out_when_asked(run, tmp_path):
         f"{n}\tRed-White-Black|" + "-".join(f"{100 * w:g}" for w in row) for n, row in zip(names, shares, strict=True)
     )
     (tmp_path / "mixtures.tsv").write_text("\n".join(recipes) + "\n")
-    status, out, _ = run(file, "--out", "res", "--joint", "--check", "--no-plots")
+    status, out, _ = run(file, "--out", "res", "--joint", "--check", "--no-plots", "--wet-film", "25um±50%")
     assert status == 0
     assert "4 mixtures: ΔE00" in out
+    assert "From one mixing to the next expect ΔE00" in " ".join(out.split())
     with (tmp_path / "res" / "left_out.csv").open() as table:
         rows = list(csv.DictReader(table))
     assert [row["film"] for row in rows] == names[2:]

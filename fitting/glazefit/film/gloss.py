@@ -12,8 +12,12 @@ paint itself is taken to be black.
 import numpy as np
 from jaxtyping import Float
 
+from glazejax.spectra import describe_grid
+
 from .films import Films, Instrument, Noise
 
+GLOSS_SD = 0.01
+"""Standard deviation of the log of a gloss that was measured."""
 _NOISES = 3.0
 _BANDS = 3
 
@@ -28,3 +32,49 @@ def estimate_gloss(films: Films, instrument: Instrument, noise: Noise) -> Float[
     means = np.lib.stride_tricks.sliding_window_view(lowest, width, axis=1).mean(axis=-1).min(axis=1)
     short = instrument.seen_surface - lowest.min(axis=1) > _NOISES * noise.sd(lowest.min(axis=1))
     return np.where(short, np.clip(means / instrument.seen_surface, 1e-3, 1.0), 1.0)
+
+
+def measure_gloss(films: Films, excluded: Films, instrument: Instrument) -> dict[str, float]:
+    """Gloss of films that were read with the specular part and without it: their mean difference over R_s.
+
+    Args:
+        films: with the specular part.
+        excluded: without it; films that are in both, by name, are compared.
+        instrument: of `films`.
+
+    Raises:
+        ValueError: an instrument that does not see the specular part, other wavelengths, no film in common, or a film
+            whose two readings differ by no more than a hundredth of R_s or by more than half as much again as R_s.
+    """
+    surface = instrument.seen_surface
+    if surface == 0:
+        raise ValueError("the films' own geometry leaves the specular part out; read them with it too (d:8)")
+    if not np.array_equal(films.wavelengths, excluded.wavelengths):
+        raise ValueError(
+            f"readings without the specular part are at {describe_grid(excluded.wavelengths)}, those with it at "
+            f"{describe_grid(films.wavelengths)}: export both on one grid"
+        )
+    found = {}
+    for row, name in enumerate(films.names):
+        if name not in excluded.names:
+            continue
+        other = excluded.names.index(name)
+        seen = films.seen[row] & excluded.seen[other]
+        off = [
+            np.mean(getattr(films, over)[row] - getattr(excluded, over)[other])
+            for over, there in zip(("over_black", "over_white"), seen, strict=True)
+            if there
+        ]
+        share = float(np.mean(off)) / surface if off else np.nan
+        if not 0.01 < share < 1.5:
+            raise ValueError(
+                f"film {name!r} reads {share * surface:+.4f} more with the specular part than without it; a smooth "
+                f"surface adds {surface:.4f}: are the files swapped?"
+            )
+        found[name] = share
+    if not found:
+        raise ValueError(
+            f"no film was read both ways: with the specular part {', '.join(films.names[:5])}; without it "
+            f"{', '.join(excluded.names[:5])}"
+        )
+    return found

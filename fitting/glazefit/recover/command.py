@@ -76,6 +76,16 @@ def recover(
             show_default=False,
         ),
     ] = "",
+    excluded: Annotated[
+        Path | None,
+        typer.Option(
+            "--excluded",
+            metavar="FILE",
+            help="The same films read without the specular part (de:8), where FILE is with it: the difference is the "
+            "gloss of each film, which is then no longer guessed.",
+            show_default=False,
+        ),
+    ] = None,
     thickness: options.Thickness = "25um",
     noise: Annotated[
         float | None,
@@ -130,8 +140,8 @@ def recover(
 
     Every wavelength of every film is fitted on its own. With --joint all
     films of known recipes are fitted together, each with its own thickness;
-    so are tints, films that lack a reading, and with --into, --white or
-    --wet-film.
+    so are tints, films that lack a reading, and with --into, --white,
+    --wet-film or --excluded.
 
     Writes pigments.csv (k and s in 1/m with standard deviations), a picture
     for each paint, and fits.csv (k/s and fitted spectra) or, with --joint,
@@ -150,7 +160,7 @@ def recover(
     # Before NumPy is loaded: its blocks here are small, and threads for them only wait for each other.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     _check(file, simulate)
-    told = Told(into, white, wet_film)
+    told = Told(into, white, wet_film, excluded)
     _check_joint(joint, law, check, simulate, masstones, told)
     if plots:
         require("matplotlib")
@@ -217,7 +227,8 @@ def _check_joint(joint: bool, law: str, check: bool, simulate: bool, masstones: 
     for option, given in (("--simulate", simulate), ("--masstones", masstones)):
         if joint and given:
             raise ValueError(f"--joint fits measured mixtures; leave out {option}, or leave out --joint")
-    for option, given in (("--into", told.into), ("--white", told.white), ("--wet-film", told.wet_film)):
+    asked = {"--into": told.into, "--white": told.white, "--wet-film": told.wet_film, "--excluded": told.excluded}
+    for option, given in asked.items():
         if simulate and given:
             raise ValueError(f"{option} is for measured films; leave it out, or leave out --simulate")
     if law not in ("mass", "strength"):

@@ -3,6 +3,7 @@
 import re
 import time
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from glazejax.commands import options, progress
@@ -11,7 +12,7 @@ from glazejax.paint.describe import find_name, format_length
 if TYPE_CHECKING:
     from glazejax import Pigment
 
-    from ..film.films import Films
+    from ..film.films import Films, Instrument
     from .entries import PaintFile
     from .joint_result import JointRecovery
     from .known import Gauge
@@ -64,6 +65,8 @@ def recover_together(
         given["expectations"] = Expectations(thickness=_SAME)
     if known or gauge is not None:
         given |= {"known": known, "gauge": gauge, "unit": unit}
+    if told.excluded is not None:
+        given["gloss"] = _measured_gloss(told.excluded, fitted, given["instrument"], console)
     with console.status("compiling, then fitting all films together"):
         began = time.perf_counter()
         recovery = recover_jointly(fitted, recipes, **given)
@@ -79,6 +82,23 @@ def recover_together(
         _write_entries(recovery, file, known, gauge, unit, results)
     if not listed or told.any:
         _say_lessons(recovery, known, gauge, unit, results)
+
+
+def _measured_gloss(path: Path, films: "Films", instrument: "Instrument", console: "Console") -> dict[str, float]:
+    """Gloss of the films that were read without the specular part too, said in a line."""
+    from ..film.gloss import measure_gloss
+    from ..film.loose import average, crop, read_loose_films
+
+    grid = films.wavelengths
+    other = crop(average(read_loose_films(path)), grid[0], grid[-1], "as the films with the specular part")
+    progress.print_notes(console, path, other.notes)
+    found = measure_gloss(films, other, instrument)
+    values = sorted(found.values())
+    console.print(
+        f"Gloss, from readings with and without the specular part of {len(found)} of {len(films)} films: "
+        f"{values[0]:.2f} to {values[-1]:.2f} of a smooth surface's."
+    )
+    return found
 
 
 def known_paints(

@@ -12,6 +12,8 @@ from typing import TypedDict, Unpack
 import numpy as np
 from jaxtyping import Float
 
+from glazejax import Pigment
+
 from ..film.films import Films, Instrument, Noise
 from ..film.mixing import MixingLaw
 from ..film.response import Response
@@ -19,6 +21,7 @@ from ..film.variation import Variation, learn
 from .joint import recover_jointly
 from .joint_problem import Expectations
 from .joint_result import JointRecovery
+from .known import Gauge
 from .prediction import Prediction, predict_films
 
 # A fit that starts where that of all films ended is close.
@@ -73,6 +76,10 @@ class JointSettings(TypedDict, total=False):
     law: MixingLaw | None
     expectations: Expectations | None
     response: Response | None
+    known: Mapping[str, Pigment] | None
+    gauge: Gauge | None
+    gloss: Mapping[str, float] | None
+    unit: float
 
 
 def without(
@@ -103,11 +110,7 @@ def leave_films_out(
     *,
     only: Callable[[str], bool] | None = None,
     progress: Callable[[str], object] = lambda name: None,
-    instrument: Instrument | None = None,
-    noise: Noise | None = None,
-    law: MixingLaw | None = None,
-    expectations: Expectations | None = None,
-    response: Response | None = None,
+    **given: Unpack[JointSettings],
 ) -> LeftOut:
     """Leave every mixture out of the fit in turn and predict it from its weights.
 
@@ -119,8 +122,7 @@ def leave_films_out(
         only: whether a film, by name, is left out; by default those of more than one paint, all of whose paints are in
             other films too.
         progress: called with each film's name before it is fitted. An interrupt keeps the films that are done.
-        instrument, noise, law, expectations, response: of `glazefit.recover.joint.recover_jointly`, as `whole` had
-            them.
+        given: further arguments of `glazefit.recover.joint.recover_jointly`, as `whole` had them.
 
     Raises:
         ValueError: there is no such film.
@@ -133,19 +135,12 @@ def leave_films_out(
     ]
     if not rows:
         raise ValueError("no film can be left out: none is of several paints that are all in other films too")
-    given: JointSettings = {
-        "instrument": instrument,
-        "noise": noise,
-        "law": law,
-        "expectations": expectations,
-        "response": response,
-    }
     predictions: list[Prediction] = []
     try:
         for row in rows:
             progress(films.names[row])
             rest = without(whole, films, recipes, row, **given)
-            predictions += predict_films(rest, films.take([row]), recipes, response=response)
+            predictions += predict_films(rest, films.take([row]), recipes, response=given.get("response"))
     except KeyboardInterrupt:
         if not predictions:
             raise

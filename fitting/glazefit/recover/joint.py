@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 from glazejax import Pigment
 
 from ..film.films import Films, Instrument, Noise, cards
-from ..film.gloss import estimate_gloss
+from ..film.gloss import GLOSS_SD, estimate_gloss
 from ..film.mixing import MixingLaw, weight_table
 from ..film.noise import estimate_noise
 from ..film.response import Response, film_response
@@ -30,6 +30,7 @@ from .joint_problem import (
     model_deviation,
     optical_thickness,
     readings,
+    slope_matrix,
     totals,
 )
 from .joint_result import JointRecovery
@@ -59,6 +60,7 @@ def recover_jointly(
     response: Response | None = None,
     known: Mapping[str, Pigment] | None = None,
     gauge: Gauge | None = None,
+    gloss: Mapping[str, float] | None = None,
     unit: float = UNIT,
 ) -> JointRecovery:
     """Absorption and scattering of all paints in some films, fitted together.
@@ -78,6 +80,8 @@ def recover_jointly(
         known: paints whose k and s are known, with their errors: the films do not change them, and they fix the scale
             of the others.
         gauge: thicknesses of films.
+        gloss: film -> share of the surface's reflection that was measured, by readings with the specular part and
+            without it (`glazefit.film.gloss.measure_gloss`); of other films it is found.
         unit: thickness of a film of unit relative thickness, m; matters where paints or thicknesses are known.
 
     Raises:
@@ -92,7 +96,8 @@ def recover_jointly(
     shares = law.shares(weights, paints)
     expected = expectations or Expectations()
     told = tell(films, paints, known or {}, gauge, unit, expected.thickness)
-    problem = pose(films, shares, law, instrument, noise, expected, told)
+    measured_gloss = np.array([(gloss or {}).get(name, np.nan) for name in films.names])
+    problem = pose(films, shares, law, instrument, noise, expected, told, measured_gloss)
     deviation = np.moveaxis(1.0 / np.asarray(problem.weight), 0, -1)
     kept = films.seen if use is None else films.seen * use[:, None]
     problem = problem._replace(weight=problem.weight * jnp.asarray(kept, dtype=problem.weight.dtype))
@@ -133,6 +138,8 @@ def recover_jointly(
         known=tuple(paint for paint, is_known in zip(paints, told.known, strict=True) if is_known),
         known_modes=told.modes_of,
         with_others=found.with_others,
+        gauged=gauge is not None,
+        measured_gloss=measured_gloss,
     )
 
 
@@ -144,6 +151,7 @@ def pose(
     noise: Noise,
     expected: Expectations,
     told: Told | None = None,
+    gloss: Float[np.ndarray, "films"] | None = None,
 ) -> JointProblem:
     """Arrays of a joint problem."""
     told = told or tell(films, ["" for _ in range(shares.shape[1])], {}, None, 1.0, expected.thickness)
@@ -164,8 +172,11 @@ def pose(
     # A sum over the bands of pulls of sd * sqrt(bands) each is a pull of the mean by sd.
     pull = np.repeat([expected.level_k, expected.level_s], paints, axis=0) * [1.0, np.sqrt(len(films.wavelengths))]
     stiffness = np.repeat([1.0 / expected.curvature_k, 1.0 / expected.curvature_s], paints)
+    steepness = np.repeat([0.0, 1.0 / expected.slope_s], paints)
     fixed = np.tile(told.known, 2)
-    pull[fixed], stiffness[fixed] = (0.0, SLACK), 0.0
+    pull[fixed], stiffness[fixed], steepness[fixed] = (0.0, SLACK), 0.0, 0.0
+    gloss = np.full(count, np.nan) if gloss is None else gloss
+    scale[~np.isnan(gloss), 1] = GLOSS_SD
     arrays = {
         "reading": np.moveaxis(measured, 1, 0),
         "ground": np.moveaxis(grounds, 1, 0),
@@ -175,6 +186,8 @@ def pose(
         "surface": instrument.seen_surface,
         "curvature": curvature_matrix(films.wavelengths),
         "stiffness": stiffness,
+        "slope": slope_matrix(films.wavelengths),
+        "steepness": steepness,
         "pull": np.stack([pull[:, 0], 1.0 / pull[:, 1]], axis=1),
         "film_scale": scale,
         "paint_mean": np.stack([paint_gloss(films, shares, instrument, noise), np.zeros(paints)], axis=1),
@@ -183,6 +196,8 @@ def pose(
         "known": told.logs,
         "opaque": films.opaque.astype(float),
         "film_mean": told.thickness,
+        "gloss": np.log(np.where(np.isnan(gloss), 1.0, gloss)),
+        "own_gloss": np.isnan(gloss).astype(float),
         "band_modes": told.band_modes,
         "ground_modes": told.ground_modes,
         "thickness_modes": told.thickness_modes,

@@ -20,7 +20,10 @@ MODES = 32
 MOST_ERROR = 0.5
 """Largest standard deviation of log k or log s in error modes."""
 RELATIVE_LIMIT = 0.5
-RULE = f"k and s count as told apart where the joint fit knows each to {RELATIVE_LIMIT:.0%} of its value"
+RULE = (
+    f"k and s count as told apart where the joint fit knows each to {RELATIVE_LIMIT:.0%} of its value, if the paint is "
+    "in a mixture or thicknesses were measured: else its scale is as expected, not found"
+)
 
 
 @dataclass(frozen=True)
@@ -45,6 +48,8 @@ class JointRecovery(FittedFilms):
         known: names of the paints that were known before.
         known_modes: known paint -> its error modes' places among the unknowns' `others`.
         with_others: covariance of the others with log k of all paints, then log s, (others, bands, 2 paints).
+        gauged: whether thicknesses were measured.
+        measured_gloss: gloss of each film as measured, NaN where it was not, (films,).
     """
 
     films: Films
@@ -68,6 +73,8 @@ class JointRecovery(FittedFilms):
     known: tuple[str, ...]
     known_modes: Mapping[str, Modes]
     with_others: Float[np.ndarray, "others bands coefficients"]
+    gauged: bool
+    measured_gloss: Float[np.ndarray, "films"]
 
     @cached_property
     def _modes(self) -> Float[np.ndarray, "modes 2 paints bands"]:
@@ -105,7 +112,9 @@ class JointRecovery(FittedFilms):
     @property
     def identifiable(self) -> Bool[np.ndarray, "paints bands"]:
         """Where k and s of a paint are both known (`RULE`)."""
-        return np.all(self.log_sd <= RELATIVE_LIMIT, axis=0)
+        mixed = self.shares[(self.shares > 0).sum(axis=1) > 1]
+        scaled = (mixed > 0).any(axis=0) | self.gauged | np.isin(self.paints, self.known)
+        return np.all(self.log_sd <= RELATIVE_LIMIT, axis=0) & scaled[:, None]
 
     @property
     def thickness(self) -> Float[np.ndarray, "films"]:
@@ -115,7 +124,9 @@ class JointRecovery(FittedFilms):
     @property
     def gloss(self) -> Float[np.ndarray, "films"]:
         """Share of the smooth surface's reflection that each film shows."""
-        return np.exp(self.shares @ self.unknowns.paints[:, 0] + self.unknowns.films[:, 1])
+        of_paints = np.exp(self.shares @ self.unknowns.paints[:, 0])
+        expected = np.where(np.isnan(self.measured_gloss), of_paints, self.measured_gloss)
+        return expected * np.exp(self.unknowns.films[:, 1])
 
     @property
     def chi_square(self) -> Float[np.ndarray, "films"]:

@@ -19,7 +19,7 @@ from ..film.errors import BETWEEN_FILMS, error_modes, relative_errors, smooth_ke
 from ..film.films import Films, Instrument, Noise, usual_cards
 from ..film.mixing import MixingLaw
 from ..film.response import Response, film_response
-from ..film.variation import MIXED, OF_SIZE_ONE, Variation
+from ..film.variation import MIXED, Variation
 from .joint import UNIT, recover_jointly
 from .joint_problem import Expectations
 from .joint_result import JointRecovery
@@ -55,13 +55,14 @@ def mixture_of(
     Raises:
         ValueError: no paint, a weight that is negative, an unknown paint, or wavelengths that a paint does not cover.
     """
-    k, s, parts, name = _mixed(pigments, recipe, wavelengths, law, variation, name)
+    k, s, parts, name = _mixed(pigments, recipe, wavelengths, law, name)
     grid = _grid(pigments, recipe, wavelengths)
-    modes = np.concatenate([parts["scale"] + parts["paint"], parts["film"]])
+    size = (variation or Variation()).size_of(list(recipe))
+    modes = np.concatenate([parts["scale"] + parts["paint"], size * parts["film"]])
     modes = modes[np.abs(modes).max(axis=(1, 2)) > 0]
-    size = np.sqrt(np.sum(modes**2, axis=0))
+    sd = np.sqrt(np.sum(modes**2, axis=0))
     return Pigment(
-        name, grid, k, s, absorption_sd=k * size[0], scattering_sd=s * size[1], error_modes=modes, provenance=name
+        name, grid, k, s, absorption_sd=k * sd[0], scattering_sd=s * sd[1], error_modes=modes, provenance=name
     )
 
 
@@ -97,7 +98,7 @@ def predict_mixture(
     response = film_response(instrument.geometry, instrument.refractive_index)
     paints = tuple(paint for paint, weight in recipe.items() if weight > 0)
     if calibrated is None:
-        k, s, parts, _ = _mixed(pigments, recipe, wavelengths, law, variation, "")
+        k, s, parts, _ = _mixed(pigments, recipe, wavelengths, law, "")
         grid = _grid(pigments, recipe, wavelengths)
         rng = np.random.default_rng(0)
         own, film = (rng.standard_normal((_DRAWS, len(parts[part]))) for part in ("paint", "film"))
@@ -122,7 +123,6 @@ def predict_mixture(
         spread = {part: _read(response, k * metres, s * metres, o, grounds) - mean for part, o in off.items()}
         deviations = {part: spread.get(part, empty) for part in ("scale", "paint", "film")}
         over_black, over_white = mean + surface
-        # How large errors are is in the modes already, or it is one mixing.
         out.append(
             Prediction(
                 format_length(metres),
@@ -133,7 +133,7 @@ def predict_mixture(
                 over_white,
                 paints,
                 deviations,
-                OF_SIZE_ONE,
+                variation or Variation(),
             )
         )
     return out
@@ -205,15 +205,13 @@ def _mixed(
     recipe: Mapping[str, float],
     wavelengths: Float[np.ndarray, "bands"] | None,
     law: MixingLaw | None,
-    variation: Variation | None,
     name: str,
 ) -> tuple[Float[np.ndarray, "bands"], Float[np.ndarray, "bands"], dict[str, Modes], str]:
     """k and s (1/m) of a mixture, error modes of their logs, and a name.
 
     The modes of the paints are split into the scale of k and s and their shape, which go together; those of the film
-    are others.
+    are others, of size one.
     """
-    variation = variation or Variation()
     grid = _grid(pigments, recipe, wavelengths)
     paints = [paint.resample(grid) for paint in _paints(pigments, recipe).values()]
     names = [paint.name for paint in paints]
@@ -228,7 +226,7 @@ def _mixed(
     level = np.broadcast_to(own.mean(axis=-1, keepdims=True), own.shape)
     smooth = MIXED.coefficient * _smooth(grid, MIXED.coefficient_length)
     varied = np.concatenate([smooth, np.full((1, grid.size), MIXED.level)])
-    film = variation.size_of(names) * _each(len(paints), np.broadcast_to(varied, (len(paints), 2, *varied.shape)))
+    film = _each(len(paints), np.broadcast_to(varied, (len(paints), 2, *varied.shape)))
     parts = {"scale": level, "paint": own - level, "film": film}
     modes = {what: np.einsum("mpcb,pcb->mcb", several, part) for what, several in parts.items()}
     words = " + ".join(f"{100 * share:.3g} {paint}" for share, paint in zip(shares, names, strict=True))

@@ -214,7 +214,7 @@ def _information(
     """Information of all that is measured and expected, and of each candidate's readings."""
     slopes = jax.tree.map(np.asarray, _jacobian(problem, response, solution))
     n = slopes.data.shape[-1]
-    rest = [part.reshape(-1, n) for part in (slopes.curvature, slopes.pull, slopes.films, slopes.paints, slopes.others)]
+    rest = [part.reshape(-1, n) for name, part in slopes._asdict().items() if name != "data"]
     base = np.concatenate([slopes.data[:, :films].reshape(-1, n), *rest])
     parts = [slopes.data[:, films + i].reshape(-1, n) for i in range(more)]
     return base.T @ base, [part.T @ part for part in parts]

@@ -110,7 +110,7 @@ def predict(
         grid = film.wavelengths
         black, white, _, _ = cards(film, instrument, noise)
         ground = (black[0], white[0])
-        own = float(found.thickness[0]) * UNIT
+        own = float(f"{found.thickness[0] * UNIT:.2g}")
         wanted = wanted or ([own] if film.opaque[0] else [0.5 * own, own, 2.0 * own])
     wanted = wanted or [options.read_length(_USUAL)]
     with console.status("compiling, then predicting"):

@@ -195,7 +195,10 @@ def print_joint(recovery: JointRecovery, console: Console, seconds: float) -> No
             for name, bands in zip("ks", wide, strict=True)
             if bands.any()
         ]
-        console.print(f"  {recovery.paints[row]}: not known to {RELATIVE_LIMIT:.0%}: {'; '.join(where)}")
+        words = (
+            f"not known to {RELATIVE_LIMIT:.0%}: {'; '.join(where)}" if where else "in no mixture: its scale is open"
+        )
+        console.print(f"  {recovery.paints[row]}: {words}")
     difference = recovery.delta_e()
     console.print(
         f"Fitted films: ΔE00 (D65, 10°) {difference.mean():.2f} on average, {difference.max():.2f} at most "

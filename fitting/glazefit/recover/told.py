@@ -18,13 +18,14 @@ class Results(NamedTuple):
 
 
 class Told(NamedTuple):
-    """What the user says beside the films: the file of own paints, the white, and thicknesses."""
+    """What the user says beside the films: own paints, the white, thicknesses, readings without the specular part."""
 
     into: Path | None
     white: str
     wet_film: str
+    excluded: Path | None = None
 
     @property
     def any(self) -> bool:
         """Whether something is told."""
-        return self.into is not None or bool(self.white or self.wet_film)
+        return self.into is not None or self.excluded is not None or bool(self.white or self.wet_film)

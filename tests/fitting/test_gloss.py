@@ -1,0 +1,63 @@
+"""Gloss of films, by readings with the specular part and without it."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from glazefit import Films, Instrument, Noise, recover_jointly, simulate_films
+from glazefit.film.gloss import measure_gloss
+from glazejax import Hemispherical
+
+GRID = np.arange(400.0, 701.0, 20.0)
+RECIPES = {"blue": {"Blue": 1.0}, "white": {"White": 1.0}, "tint": {"Blue": 1.0, "White": 9.0}}
+
+
+@pytest.fixture(scope="module")
+def films() -> tuple[Films, Films]:
+    """Films of gloss .75, with the specular part and without it. Their paints have no dark band that would tell."""
+    k = np.stack([np.linspace(1.5, 0.3, GRID.size), np.full(GRID.size, 0.02)])
+    s = np.stack([np.full(GRID.size, 0.6), np.linspace(3.0, 2.0, GRID.size)])
+    share = np.array([[1.0, 0.0], [0.0, 1.0], [0.1, 0.9]])
+    smooth = simulate_films(list(RECIPES), GRID, share @ k, share @ s, noise=Noise(1e-5, 0.0))
+    surface = Instrument().seen_surface
+    seen = {over: getattr(smooth, over) - 0.25 * surface for over in ("over_black", "over_white")}
+    dull = {over: getattr(smooth, over) - surface for over in seen}
+    return dataclasses.replace(smooth, **seen), dataclasses.replace(smooth, **dull)
+
+
+def test_the_difference_is_the_gloss(films):
+    assert measure_gloss(*films, Instrument()) == pytest.approx(dict.fromkeys(RECIPES, 0.75), abs=1e-3)
+
+
+def test_films_not_read_twice_are_left_out(films):
+    assert list(measure_gloss(films[0], films[1].take([2]), Instrument())) == ["tint"]
+
+
+def test_measured_gloss_is_kept_and_the_paint_is_nearer_to_the_truth(films):
+    """Guessed, the gloss is 1 and a paint looks more absorbing than it is."""
+    with_it, without = films
+    truth = np.log(np.linspace(1.5, 0.3, GRID.size) / 0.6)
+    off = {}
+    for told in (None, measure_gloss(with_it, without, Instrument())):
+        found = recover_jointly(with_it, RECIPES, gloss=told, noise=Noise())
+        blue = found.row("Blue")
+        ratio = np.log(found.absorption[blue] / found.scattering[blue])
+        off[told is not None] = np.abs(ratio - truth).mean(), np.abs(found.gloss - 0.75).max()
+    assert off[True][1] < 0.02
+    assert off[False][1] > 0.1
+    assert off[True][0] < 0.5 * off[False][0]
+
+
+@pytest.mark.parametrize(
+    ("change", "specular", "words"),
+    [
+        (lambda a, b: (b, a), True, "are the files swapped"),
+        (lambda a, b: (a, dataclasses.replace(b, names=("x", "y", "z"))), True, "no film was read both ways"),
+        (lambda a, b: (a, dataclasses.replace(b, wavelengths=GRID + 1)), True, "on one grid"),
+        (lambda a, b: (a, b), False, "leaves the specular part out"),
+    ],
+)
+def test_readings_that_do_not_go_together(films, change, specular, words):
+    with pytest.raises(ValueError, match=words):
+        measure_gloss(*change(*films), Instrument(Hemispherical(8.0, specular=specular)))
