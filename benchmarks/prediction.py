@@ -3,8 +3,10 @@
     python -m benchmarks.prediction [--out FOLDER] [--scan]
 
 Every tint and shade of the measured films (revigo) is left out of a joint fit of all the others and then predicted,
-with a 90 % band. Both models go through the same fit, with the same instrument and expectations; only what one film
-reflects differs. Mixing laws are compared the same way. With --scan, what is expected beforehand is varied instead.
+with a 90 % band as wide as the other films left out say. Both models go through the same fit, with the same instrument
+and expectations; only what one film reflects differs. Mixing laws are compared the same way. Films of the same recipes
+are simulated too, faultless and with scatter of strength, and each measured mixture is calibrated by its reading over
+white and predicted over black. With --scan, what is expected beforehand is varied instead.
 """
 
 import argparse
@@ -14,17 +16,22 @@ import time
 from typing import Any
 
 import numpy as np
+from scipy.stats import spearmanr
 
 from benchmarks.kubelka_munk import KubelkaMunk
 from benchmarks.measured import measured_data
 from benchmarks.results import Results, add_option
 from benchmarks.timing import environment
-from glazefit.film.films import Films, Instrument
+from glazefit.film.films import Films, Instrument, Noise, cards
 from glazefit.film.mixing import MixingLaw
 from glazefit.film.readers import read_films, read_names
-from glazefit.recover.crossvalidation import LeftOut, leave_films_out
-from glazefit.recover.joint import recover_jointly
+from glazefit.film.simulate import simulate_films
+from glazefit.recover.crossvalidation import LeftOut, leave_films_out, without
+from glazefit.recover.joint import UNIT, recover_jointly
 from glazefit.recover.joint_problem import Expectations
+from glazefit.recover.mixture import calibrate_mixture, predict_mixture
+from glazefit.recover.prediction import predict_films
+from glazejax import catalogue
 from glazejax.commands.main import start_jax
 
 Recipes = dict[str, dict[str, float]]
@@ -80,6 +87,67 @@ def kinds(films: tuple[str, ...], recipes: Recipes) -> dict[str, np.ndarray]:
     return {"all": np.ones(len(films), bool), "without eosins": ~eosin, "tints": ~shade, "shades": shade}
 
 
+def simulated(films: Films, recipes: Recipes, scatter: float, seed: int = 4) -> Films:
+    """Films of the same recipes from the catalogue's paints; their thickness and their paints' strength scatter."""
+    shelf, grid, rng = catalogue.load(), films.wavelengths, np.random.default_rng(seed)
+    k, s = np.zeros((2, len(films), grid.size))
+    for row, name in enumerate(films.names):
+        total, thickness = sum(recipes[name].values()), UNIT * np.exp(0.25 * rng.standard_normal())
+        for paint, weight in recipes[name].items():
+            amount = weight / total * thickness * np.exp(scatter * rng.standard_normal())
+            k[row] += amount * np.asarray(shelf[paint].absorption)
+            s[row] += amount * np.asarray(shelf[paint].scattering)
+    return simulate_films(films.names, grid, k, s, noise=Noise(), seed=seed)
+
+
+def simulated_table(films: Films, recipes: Recipes) -> list[str]:
+    """How well simulated films are predicted, and how well their bands say so."""
+    lines = [
+        "SIMULATED FILMS of the same recipes, mixtures left out",
+        "scatter of strength   mean  median  said  in band",
+    ]
+    for scatter in (0.0, 0.2):
+        out = leave_out(simulated(films, recipes, scatter), recipes, f"simulated, {scatter:.0%}").out
+        off = out.predicted.mean(axis=1)
+        lines.append(
+            f"{scatter:>19.0%}{off.mean():>7.2f}{np.median(off):>8.2f}{out.expected.mean():>6.2f}{out.inside.mean():>9.1%}"
+        )
+    return lines
+
+
+def calibrated_table(films: Films, recipes: Recipes) -> list[str]:
+    """Each mixture read over white with paints that never saw it, and predicted over black, before and after."""
+    whole = recover_jointly(films, recipes)
+    often = (whole.shares > 0).sum(axis=0)
+    rows = [r for r, s in enumerate(whole.shares) if (s > 0).sum() > 1 and np.all(often[s > 0] > 1)]
+    black, white, _, _ = cards(films, whole.instrument, whole.noise)
+    before, after, inside = [], [], []
+    for row in rows:
+        rest = without(whole, films, recipes, row)
+        film, shelf = films.take([row]), {paint: rest.pigment(paint, UNIT) for paint in rest.paints}
+        read = dataclasses.replace(film, seen=np.array([[False, True]]))
+        recipe = {paint: weight for paint, weight in recipes[films.names[row]].items() if weight > 0}
+        found = calibrate_mixture(shelf, recipe, read)
+        (first,) = predict_films(rest, film, recipes)
+        (then,) = predict_mixture(
+            shelf,
+            recipe,
+            [float(found.thickness[0]) * UNIT],
+            wavelengths=films.wavelengths,
+            ground=(black[row], white[row]),
+            calibrated=found,
+        )
+        low, high = then.interval()
+        before.append(first.delta_e(film.over_black[0], film.over_white[0])[0])
+        after.append(then.delta_e(film.over_black[0], film.over_white[0])[0])
+        inside.append(np.mean((low[0] <= film.over_black[0]) & (film.over_black[0] <= high[0])))
+    return [
+        "ONE READING, over white: Delta E00 over black, mean (median), and readings in the 90 % band",
+        f"without it {np.mean(before):.2f} ({np.median(before):.2f}), with it {np.mean(after):.2f} "
+        f"({np.median(after):.2f}), {np.mean(inside):.1%}; {sum(np.array(after) > 3)} of {len(rows)} above 3",
+    ]
+
+
 def table(scores: dict[str, Scores], recipes: Recipes) -> str:
     """Means over films of several kinds, and every film."""
     some = next(iter(scores.values())).out
@@ -98,6 +166,8 @@ def table(scores: dict[str, Scores], recipes: Recipes) -> str:
     lines.append(
         f"{'readings within the 90 % band':<46}" + "".join(f"{s.out.inside.mean():>24.1%}" for s in scores.values())
     )
+    ranks = (f"{spearmanr(s.out.expected, s.out.predicted.mean(axis=1)).statistic:.2f}" for s in scores.values())
+    lines.append(f"{'rank correlation of said and true errors':<46}" + "".join(f"{cell:>24}" for cell in ranks))
     said = (f"{s.out.expected.mean():.2f}" for s in scores.values())
     lines.append(f"{'Delta E00 that the predictions say of themselves':<46}" + "".join(f"{cell:>22}" for cell in said))
     lines.append("")
@@ -146,6 +216,8 @@ def main() -> None:
             "glazejax, strength law": {"law": MixingLaw("strength")},
         }
         text = table({name: leave_out(films, recipes, name, **given) for name, given in models.items()}, recipes)
+        for more in (simulated_table(films, recipes), calibrated_table(films, recipes)):
+            text += "\n\n" + "\n".join(more)
     print("\r", end="", file=sys.stderr)
     results = Results("prediction_scan" if options.scan else "prediction", options.out)
     for line in [environment(), "", *text.splitlines()]:

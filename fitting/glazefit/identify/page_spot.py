@@ -34,8 +34,7 @@ def spot_html(record: Record, spot: Record, *, drawn: bool) -> str:
     doubts = [none] if spot["explained"] else []
     if record["method"]["layers"] > 1:
         doubts.append(f"That the film has two coats: {chance_html(spot['two_coats'])}.")
-    if spot["not_settled"]:
-        doubts.append(f"{words_html(spot['not_settled'])}.")
+    doubts += [words_html(words) for words in spot["doubts"]]
     least = record["thresholds"]["ruled_out_below"]
     likely = [f"{escape(paint)} {chance_html(p)}" for paint, p in spot["paint_probability"].items() if p >= least]
     chances = ", ".join(likely)

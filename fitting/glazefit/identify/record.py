@@ -17,7 +17,7 @@ from glazejax.plots import hex_colour
 from glazejax.spectra import describe_grid
 
 from .contenders import LEAST_SHARE, Contenders
-from .report import doubtful
+from .doubts import doubtful, doubts
 from .result import Candidate, Identification
 from .ruled_out import IMPROBABLE, ruled_out
 
@@ -157,6 +157,7 @@ def _spot(found: Identification, contenders: Contenders, bands: np.ndarray, row:
         "two_coats": float(found.two_coats[row]),
         "paint_probability": {found.paints[i]: float(chances[i]) for i in np.argsort(-chances, kind="stable")},
         "not_settled": doubtful(found, row),
+        "doubts": doubts(found, row),
         "colours": _colours(found, row),
         "noise_sd": float(np.median(found.measured.noise_sd[row])),
         "measured": _rounded(found.measured.readings[row]),

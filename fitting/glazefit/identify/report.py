@@ -10,6 +10,7 @@ from rich.table import Table
 from glazejax.io import write_table
 from glazejax.report import plain_table
 
+from .doubts import doubts
 from .result import Identification
 
 COLUMNS = (
@@ -40,9 +41,8 @@ def print_identification(found: Identification, console: Console, top: int, deta
     for row in range(min(detailed, len(found))):
         console.print(_table(found, row, top))
         console.print(f"[bold]{_verdict(found, row)}[/bold]")
-        for doubt in (untold(found, row), doubtful(found, row)):
-            if doubt:
-                console.print(f"[dim]{doubt}[/dim]")
+        for doubt in doubts(found, row):
+            console.print(f"[dim]{doubt}[/dim]")
         console.print()
     for row in range(detailed, len(found)):
         console.print(found.words(row), markup=False)
@@ -55,23 +55,6 @@ def _verdict(found: Identification, row: int) -> str:
     best, (pigments, chance) = found.ranked(row, 1)[0], found.families(row)[0]
     words = f"Pigments: {' + '.join(pigments)} ({chance:.0%}). Most probable film: {best.words}."
     return f"{words} That none of these paints explain it: {found.none[row]:.1%}."
-
-
-def untold(found: Identification, row: int) -> str:
-    """Paints of the first film that the spectrum does not tell from others, in words; empty if there are none."""
-    if not found.explained[row]:
-        return ""
-    pairs = [" or ".join((paint, *others)) for paint, others in found.not_told(row).items()]
-    return f"This spectrum does not tell: {'; '.join(pairs)}." if pairs else ""
-
-
-def doubtful(found: Identification, row: int, least: float = 0.05, most: float = 0.95) -> str:
-    """Paints that may or may not be in the film, in words; empty if there are none."""
-    chances = found.paint_probability[row]
-    open_ = [i for i in np.argsort(-chances) if least < chances[i] < most]
-    if not open_:
-        return ""
-    return "Not settled by this spectrum: " + ", ".join(f"{found.paints[i]} ({chances[i]:.0%})" for i in open_)
 
 
 def _table(found: Identification, row: int, top: int) -> Table:

@@ -30,7 +30,6 @@ from .joint_problem import (
     model_deviation,
     optical_thickness,
     readings,
-    slope_matrix,
     totals,
 )
 from .joint_result import JointRecovery
@@ -172,9 +171,8 @@ def pose(
     # A sum over the bands of pulls of sd * sqrt(bands) each is a pull of the mean by sd.
     pull = np.repeat([expected.level_k, expected.level_s], paints, axis=0) * [1.0, np.sqrt(len(films.wavelengths))]
     stiffness = np.repeat([1.0 / expected.curvature_k, 1.0 / expected.curvature_s], paints)
-    steepness = np.repeat([0.0, 1.0 / expected.slope_s], paints)
     fixed = np.tile(told.known, 2)
-    pull[fixed], stiffness[fixed], steepness[fixed] = (0.0, SLACK), 0.0, 0.0
+    pull[fixed], stiffness[fixed] = (0.0, SLACK), 0.0
     gloss = np.full(count, np.nan) if gloss is None else gloss
     scale[~np.isnan(gloss), 1] = GLOSS_SD
     arrays = {
@@ -186,8 +184,6 @@ def pose(
         "surface": instrument.seen_surface,
         "curvature": curvature_matrix(films.wavelengths),
         "stiffness": stiffness,
-        "slope": slope_matrix(films.wavelengths),
-        "steepness": steepness,
         "pull": np.stack([pull[:, 0], 1.0 / pull[:, 1]], axis=1),
         "film_scale": scale,
         "paint_mean": np.stack([paint_gloss(films, shares, instrument, noise), np.zeros(paints)], axis=1),

@@ -7,7 +7,7 @@ largest; of every paint the logs of its gloss and of its strength. A reading ove
     R = R_s exp(sum_p w_p m_p + g_f) + body(d_f sum_p c_p k_p, d_f sum_p c_p s_p, rho)
 
 with c from the mixing law and the weights, each weight times exp(e). Everything is a sum of squares: residuals of
-the readings, the curvature of log k and log s along the wavelengths, the slope of log s, and the priors.
+the readings, the curvature of log k and log s along the wavelengths, and the priors.
 
 What else may be off, all standard normal beforehand, are the `others` (see `known`): error modes of paints that are
 known already, the level of cards that were not measured, and a factor of all thicknesses. They are added to the bands'
@@ -51,9 +51,6 @@ class Expectations(NamedTuple):
     """Of the second difference of log k over 10 nm."""
     curvature_s: float = 0.1
     """Of the second difference of log s over 10 nm."""
-    slope_s: float = 0.25
-    """Of the first difference of log s over 10 nm, each step independent of the others: a factor of four over 300 nm.
-    Where a paint is nearly black its scattering is read from thousandths of reflectance, and bronzing passes for it."""
     level_k: tuple[float, float] = (0.0, 3.0)
     """Mean and standard deviation of a paint's log(k d) for a film of unit thickness, averaged over the bands: little.
 
@@ -88,8 +85,6 @@ class JointProblem(NamedTuple):
     surface: Float[Array, ""]
     curvature: Float[Array, "inner bands"]  # second difference in units of (10 nm)^-2, for a weight of 1
     stiffness: Float[Array, "local"]  # one over the expected curvature
-    slope: Float[Array, "steps bands"]  # first difference in units of (10 nm)^-1/2
-    steepness: Float[Array, "local"]  # one over the expected slope, 0 where none is expected
     pull: Float[Array, "local 2"]  # mean and one over the standard deviation of log k and log s
     known: Float[Array, "bands local"]  # added to the mean: logs of paints that are known
     film_scale: Float[Array, "films 2+parts"]  # standard deviations expected
@@ -110,7 +105,6 @@ class JointResiduals(NamedTuple):
 
     data: Float[Array, "bands films 2"]
     curvature: Float[Array, "inner local"]
-    slope: Float[Array, "steps local"]
     pull: Float[Array, "bands local"]
     films: Float[Array, "films 2+parts"]
     paints: Float[Array, "paints 2"]
@@ -164,7 +158,6 @@ def residuals(unknowns: Unknowns, args: tuple[JointProblem, Response]) -> JointR
     return JointResiduals(
         data=(readings(unknowns, problem, response) - problem.reading) * problem.weight,
         curvature=(problem.curvature @ unknowns.bands) * problem.stiffness,
-        slope=(problem.slope @ unknowns.bands) * problem.steepness,
         pull=(unknowns.bands - problem.pull[:, 0] - problem.known) * problem.pull[:, 1],
         films=jnp.concatenate([expected[:, :2], heavy_tail(expected[:, 2:], problem.tail)], axis=1),
         paints=(unknowns.paints - problem.paint_mean) / problem.paint_scale,
@@ -195,11 +188,6 @@ def curvature_matrix(wavelengths: Float[np.ndarray, "bands"]) -> Float[np.ndarra
         weights = 2.0 / (left + right) * np.array([1.0 / left, -1.0 / left - 1.0 / right, 1.0 / right])
         matrix[row, row : row + 3] = weights * 100.0 * np.sqrt((left + right) / 20.0)
     return matrix
-
-
-def slope_matrix(wavelengths: Float[np.ndarray, "bands"]) -> Float[np.ndarray, "steps bands"]:
-    """First differences over the root of each step in 10 nm: those of a random walk are alike on any grid."""
-    return np.diff(np.eye(len(wavelengths)), axis=0) / np.sqrt(np.diff(wavelengths) / 10.0)[:, None]
 
 
 def minor_parts(shares: Float[np.ndarray, "films paints"]) -> Float[np.ndarray, "films parts paints"]:

@@ -1,8 +1,8 @@
 """The linear step of a joint recovery: thousands of unknowns, solved by their structure.
 
 Readings at one band know the coefficients of that band and the shared numbers; curvature ties a band to its two
-neighbours on either side, slope to one. Ordered by bands, two bands a block, the normal equations are block tridiagonal
-with a border of shared unknowns, so a step costs bands x paints^3, not (bands x paints)^3.
+neighbours on either side. Ordered by bands, two bands a block, the normal equations are block tridiagonal with a border
+of shared unknowns, so a step costs bands x paints^3, not (bands x paints)^3.
 
 Columns of the Jacobian are found by differentiating along unit steps of all bands at once, and of all films at once: a
 reading moves with its own only. That is one compiled program; the blocks are then solved in NumPy, which takes
@@ -158,11 +158,8 @@ def normal_matrix(along: Callable[[Unknowns], JointResiduals], point: Unknowns, 
     between = jnp.einsum("ebfc,pbfc->fep", by_film.data, by_paint_data).reshape(films * each, paints)
     gloss = jnp.einsum("pbfc,qbfc->pq", by_paint_data, by_paint_data) + jnp.diag(alone)
     corner = jnp.block([[jax.scipy.linalg.block_diag(*own), between], [between.T, gloss]])
-    ties = [
-        (problem.curvature.T @ problem.curvature, problem.stiffness),
-        (problem.slope.T @ problem.slope, problem.steepness),
-    ]
-    return _paired(inner, jnp.concatenate([to_films, to_paints], axis=-1), corner, ties)
+    curvature = problem.curvature.T @ problem.curvature
+    return _paired(inner, jnp.concatenate([to_films, to_paints], axis=-1), corner, curvature, problem.stiffness)
 
 
 def _squares(columns: Float[Array, "n *each"]) -> Float[Array, "n"]:
@@ -174,26 +171,22 @@ def _paired(
     inner: Float[Array, "bands m m"],
     border: Float[Array, "bands m shared"],
     corner: Float[Array, "shared shared"],
-    ties: list[tuple[Float[Array, "bands bands"], Float[Array, "m"]]],
+    curvature: Float[Array, "bands bands"],
+    stiffness: Float[Array, "m"],
 ) -> Normal:
-    """Blocks of two bands, coupled by ties of so many sizes; an odd band gets an empty partner."""
+    """Blocks of two bands, with the coupling by curvature; an odd band gets an empty partner."""
     bands, m = inner.shape[:2]
     pairs = -(-bands // 2)
     spare = 2 * pairs - bands
     inner = jnp.concatenate([inner, jnp.broadcast_to(jnp.eye(m), (spare, m, m))])
     border = jnp.pad(border, ((0, spare), (0, 0), (0, 0)))
+    ties = jnp.pad(curvature, ((0, spare), (0, spare))).reshape(pairs, 2, pairs, 2)
+    stiff = jnp.diag(stiffness**2)
     here = jnp.arange(pairs)
-
-    def coupled(with_pair: Array) -> Array:
-        """Blocks of each pair with another, (pairs, 2, m, 2, m)."""
-        blocks = [jnp.pad(tie, ((0, spare), (0, spare))).reshape(pairs, 2, pairs, 2) for tie, _ in ties]
-        return sum(
-            jnp.einsum("pab,ij->paibj", block[here, :, with_pair, :], jnp.diag(size**2))
-            for block, (_, size) in zip(blocks, ties, strict=True)
-        )  # pyright: ignore[reportReturnType]  # never empty
-
-    diagonal = coupled(here).at[:, 0, :, 0, :].add(inner[0::2]).at[:, 1, :, 1, :].add(inner[1::2])
-    lower = coupled(jnp.maximum(here - 1, 0))
+    before = jnp.maximum(here - 1, 0)
+    diagonal = jnp.einsum("pab,ij->paibj", ties[here, :, here, :], stiff)
+    diagonal = diagonal.at[:, 0, :, 0, :].add(inner[0::2]).at[:, 1, :, 1, :].add(inner[1::2])
+    lower = jnp.einsum("pab,ij->paibj", ties[here, :, before, :], stiff)
     n = 2 * m
     return Normal(diagonal.reshape(pairs, n, n), lower.reshape(pairs, n, n), border.reshape(pairs, n, -1), corner)
 

@@ -189,16 +189,14 @@ def print_joint(recovery: JointRecovery, console: Console, seconds: float) -> No
     console.print(table)
     console.print(f"[dim]Errors: median over the bands, one standard deviation. Rule: {JOINT_RULE}.[/dim]")
     for row in np.flatnonzero(~recovery.identifiable.all(axis=1)).tolist():
-        wide = recovery.log_sd[:, row] > RELATIVE_LIMIT
+        unknown = recovery.log_sd[:, row] > RELATIVE_LIMIT
         where = [
             f"{name} at {ranges(recovery.wavelengths, bands)}"
-            for name, bands in zip("ks", wide, strict=True)
+            for name, bands in zip("ks", unknown, strict=True)
             if bands.any()
         ]
-        words = (
-            f"not known to {RELATIVE_LIMIT:.0%}: {'; '.join(where)}" if where else "in no mixture: its scale is open"
-        )
-        console.print(f"  {recovery.paints[row]}: {words}")
+        words = f"not known to {RELATIVE_LIMIT:.0%}: {'; '.join(where)}"
+        console.print(f"  {recovery.paints[row]}: {words if where else 'in no mixture: its scale is open'}")
     difference = recovery.delta_e()
     console.print(
         f"Fitted films: ΔE00 (D65, 10°) {difference.mean():.2f} on average, {difference.max():.2f} at most "
