@@ -1,0 +1,127 @@
+"""What an answer leaves open and what it rests on, on made-up answers whose right words are plain."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from glazefit import Noise
+from glazefit.identify.conditions import CONDITIONS
+from glazefit.identify.doubts import doubts, may_hold, rests_on
+from glazefit.identify.result import NOBODY, Identification
+from glazefit.identify.task import check_spectra
+
+GRID = np.arange(400.0, 701.0, 10.0)
+PAINTS = ("ZincWhite", "LeadWhite", "CobaltBlue", "BariumSulphate")
+CURVE = np.linspace(0.3, 0.6, GRID.size)
+
+
+def answer(candidates, covariance=0.04) -> Identification:
+    """An identification of one spectrum from (paints, fractions, probability, condition, fitted)."""
+    count = len(candidates)
+    members, amounts = np.full((1, count, 3), NOBODY), np.zeros((1, count, 3))
+    for n, (paints, fractions, *_) in enumerate(candidates):
+        members[0, n, : len(paints)] = [PAINTS.index(paint) for paint in paints]
+        amounts[0, n, : len(paints)] = np.asarray(fractions) * 25e-6
+    chances = np.array([[c[2] for c in candidates]])
+    fitted = np.stack([c[4] for c in candidates])[None, :, None]
+    present = np.zeros((1, len(PAINTS)))
+    for (paints, *_), chance in zip(candidates, chances[0], strict=True):
+        present[0, [PAINTS.index(paint) for paint in paints]] += chance
+    return Identification(
+        measured=check_spectra(CURVE, GRID, 0.5, ["spot"], Noise()),
+        paints=PAINTS,
+        members=members,
+        coats=np.zeros_like(members),
+        amounts=amounts,
+        log_covariance=np.broadcast_to(covariance * np.eye(3), (1, count, 3, 3)),
+        probability=chances,
+        none=np.array([1.0 - chances.sum()]),
+        misfit=np.ones(1),
+        rejected=np.zeros((1, count), bool),
+        paint_probability=present,
+        gloss=np.ones((1, count)),
+        fitted=fitted,
+        condition=np.array([[c[3] for c in candidates]]),
+        opaque=False,
+    )
+
+
+def off_at(bands: slice, size: float) -> np.ndarray:
+    curve = CURVE.copy()
+    curve[bands] += size
+    return curve
+
+
+FIRST = (("CobaltBlue",), [1.0], 0.8, 0, CURVE)
+
+
+def test_what_the_film_may_hold_too_is_the_end_of_its_interval():
+    found = answer([FIRST, (("CobaltBlue", "BariumSulphate"), [0.9, 0.1], 0.1, 0, CURVE)])
+    # Log odds of .1 with independent errors of both logs: sd sqrt(.04 + .04).
+    odds = np.log(0.1 / 0.9) + 1.6448536 * np.sqrt(0.08)
+    assert may_hold(found, 0) == pytest.approx({"BariumSulphate": 1 / (1 + np.exp(-odds))}, rel=1e-6)
+    assert "It may also hold up to 15 % BariumSulphate." in doubts(found, 0)
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        (("ZincWhite", "BariumSulphate"), [0.9, 0.1], 0.1, 0, CURVE),  # without the first's paint
+        (("CobaltBlue", "BariumSulphate"), [0.9, 0.1], 1e-4, 0, CURVE),  # hardly possible
+        (("CobaltBlue", "BariumSulphate"), [0.9, 0.1], 0.1, 1, CURVE),  # lies differently
+        (("CobaltBlue", "BariumSulphate"), [0.9999, 0.0001], 0.1, 0, CURVE),  # nothing to speak of
+        (("CobaltBlue", "BariumSulphate", "ZincWhite"), [0.8, 0.1, 0.1], 0.1, 0, CURVE),  # two more
+    ],
+)
+def test_other_films_do_not_say_what_this_one_may_hold(other):
+    assert may_hold(answer([FIRST, other]), 0) == {}
+
+
+@pytest.mark.parametrize(
+    ("condition", "words"),
+    [(1, "rests on the varnish"), (3, "rests on the ground"), (7, "rests on the ground")],
+)
+def test_an_answer_that_rests_on_how_the_film_lies_says_so(condition, words):
+    far = off_at(slice(None), 0.02)
+    found = answer([FIRST, (("LeadWhite",), [1.0], 0.15, condition, far)])
+    (said,) = rests_on(found, 0)
+    assert words in said
+    assert f"{CONDITIONS[condition].words} it is LeadWhite (15%)" in said
+    # Of the same pigment nothing rests on it; nor where the other is improbable.
+    same = (("CobaltBlue",), [1.0], 0.15, condition, far)
+    assert rests_on(answer([FIRST, same]), 0) == []
+    assert rests_on(answer([FIRST, (("LeadWhite",), [1.0], 0.05, condition, far)]), 0) == []
+
+
+@pytest.mark.parametrize(
+    ("bands", "words"),
+    [
+        (slice(-3, None), "last tenth of the spectrum (680-700 nm)"),
+        (slice(0, 3), "first tenth of the spectrum (400-42"),
+    ],
+)
+def test_an_answer_that_rests_on_an_end_of_the_spectrum_says_so(bands, words):
+    # Elsewhere both fit alike; the other is off where only that end sees it.
+    own = off_at(slice(10, 20), 0.004)
+    other = own.copy()
+    other[bands] += 0.03
+    found = answer([(*FIRST[:4], own), (("LeadWhite",), [1.0], 0.1, 0, other)])
+    (said,) = rests_on(found, 0)
+    assert words in said
+    assert "elsewhere LeadWhite fits as well" in said
+    # Off in the middle too: the answer does not rest on the end.
+    other[12:15] += 0.03
+    assert rests_on(answer([(*FIRST[:4], own), (("LeadWhite",), [1.0], 0.1, 0, other)]), 0) == []
+
+
+def test_two_names_of_one_pigment_are_no_doubt():
+    own, other = off_at(slice(10, 20), 0.004), off_at(slice(-3, None), 0.03)
+    found = answer([(*FIRST[:4], own), (("CobaltBlue",), [1.0], 0.1, 0, other)])
+    assert rests_on(found, 0) == []
+
+
+def test_what_nothing_explains_has_no_such_doubts():
+    found = answer([FIRST, (("CobaltBlue", "BariumSulphate"), [0.9, 0.1], 0.1, 0, CURVE)])
+    nothing = dataclasses.replace(found, none=np.array([0.9]))
+    assert not any("may also hold" in words for words in doubts(nothing, 0))
