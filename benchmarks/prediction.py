@@ -166,7 +166,7 @@ def table(scores: dict[str, Scores], recipes: Recipes) -> str:
     lines.append(
         f"{'readings within the 90 % band':<46}" + "".join(f"{s.out.inside.mean():>24.1%}" for s in scores.values())
     )
-    ranks = (f"{spearmanr(s.out.expected, s.out.predicted.mean(axis=1)).statistic:.2f}" for s in scores.values())
+    ranks = (f"{spearmanr(s.out.expected, s.out.predicted.mean(axis=1))[0]:.2f}" for s in scores.values())
     lines.append(f"{'rank correlation of said and true errors':<46}" + "".join(f"{cell:>24}" for cell in ranks))
     said = (f"{s.out.expected.mean():.2f}" for s in scores.values())
     lines.append(f"{'Delta E00 that the predictions say of themselves':<46}" + "".join(f"{cell:>22}" for cell in said))

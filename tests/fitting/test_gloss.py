@@ -1,6 +1,7 @@
 """Gloss of films, by readings with the specular part and without it."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 import pytest
@@ -23,7 +24,11 @@ def films() -> tuple[Films, Films]:
     surface = Instrument().seen_surface
     seen = {over: getattr(smooth, over) - 0.25 * surface for over in ("over_black", "over_white")}
     dull = {over: getattr(smooth, over) - surface for over in seen}
-    return dataclasses.replace(smooth, **seen), dataclasses.replace(smooth, **dull)
+    return _read(smooth, seen), _read(smooth, dull)
+
+
+def _read(films: Films, readings: dict[str, Any]) -> Films:
+    return dataclasses.replace(films, **readings)
 
 
 def test_the_difference_is_the_gloss(films):
@@ -59,5 +64,6 @@ def test_measured_gloss_is_kept_and_the_paint_is_nearer_to_the_truth(films):
     ],
 )
 def test_readings_that_do_not_go_together(films, change, specular, words):
+    with_it, without = change(*films)
     with pytest.raises(ValueError, match=words):
-        measure_gloss(*change(*films), Instrument(Hemispherical(8.0, specular=specular)))
+        measure_gloss(with_it, without, Instrument(Hemispherical(8.0, specular=specular)))

@@ -10,6 +10,8 @@ from glazejax.commands import options, progress
 from glazejax.paint.describe import find_name, format_length
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
     from glazejax import Pigment
 
     from ..film.films import Films, Instrument

@@ -168,7 +168,8 @@ def predict_films(
             measured,
             model_deviation(measured, noise, recovery.expectations),
         )
-        thickness, surface, (mean,) = _spectra(recovery, response, film, best, np.zeros((1, *best.bands.shape[1:])))
+        thickness, surface, spectra = _spectra(recovery, response, film, best, np.zeros((1, *best.bands.shape[1:])))
+        mean = spectra[0]
         drawn = {
             "scale": _spectra(recovery, response, film, scale, np.zeros_like(off))[2],
             "paint": _spectra(recovery, response, film, shape, np.zeros_like(off))[2],
@@ -177,7 +178,10 @@ def predict_films(
         gloss = float(surface[0] / instrument.seen_surface) if instrument.seen_surface else 0.0
         own = tuple(paint for paint, part in zip(recovery.paints, share, strict=True) if part > 0)
         deviations = {part: spectra - mean for part, spectra in drawn.items()}
-        out.append(Prediction(name, films.wavelengths, float(thickness[0]), gloss, *mean, own, deviations, variation))
+        black_white = mean[0], mean[1]
+        out.append(
+            Prediction(name, films.wavelengths, float(thickness[0]), gloss, *black_white, own, deviations, variation)
+        )
     return out
 
 
