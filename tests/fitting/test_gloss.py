@@ -32,7 +32,8 @@ def _read(films: Films, readings: dict[str, Any]) -> Films:
 
 
 def test_the_difference_is_the_gloss(films):
-    assert measure_gloss(*films, Instrument()) == pytest.approx(dict.fromkeys(RECIPES, 0.75), abs=1e-3)
+    with_it, without = films
+    assert measure_gloss(with_it, without, Instrument()) == pytest.approx(dict.fromkeys(RECIPES, 0.75), abs=1e-3)
 
 
 def test_films_not_read_twice_are_left_out(films):
