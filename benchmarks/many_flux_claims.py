@@ -84,15 +84,17 @@ def speed(say: Results) -> None:
         for n in (PATHS, 4 * PATHS)
     }
     say(f"paths: error {errors[PATHS]:.1%} with {PATHS:,} a direction, {errors[4 * PATHS]:.1%} with four times as many")
-    chosen = next(n for n in range(2, 40, 2) if off(lobe_by_fluxes(lit, streams=n)[:, 0], fine) <= errors[PATHS])
-    fewest = next(n for n in range(2, 80, 2) if off(lobe_by_fluxes(lit, streams=n)[:, 0], fine) <= WANTED)
+    chosen = next(
+        n for n in range(2, 40, 2) if off(lobe_by_fluxes(lit, AZIMUTH, streams=n)[:, 0], fine) <= errors[PATHS]
+    )
+    fewest = next(n for n in range(2, 80, 2) if off(lobe_by_fluxes(lit, AZIMUTH, streams=n)[:, 0], fine) <= WANTED)
     few, many = ({"streams": n} for n in (chosen, fewest))
     _, plain = all_cells()
     # Seen from a cell's middle the others' azimuths start at 0.
     from_cell = lobe_by_fluxes(lit, AZIMUTH - AZIMUTH[0], tolerance=1e-7)[:, 0]
     numbers = {
-        f"many fluxes, {few['streams']} streams": off(lobe_by_fluxes(lit, **few)[:, 0], fine),
-        f"many fluxes, {many['streams']} streams": off(lobe_by_fluxes(lit, **many)[:, 0], fine),
+        f"many fluxes, {few['streams']} streams": off(lobe_by_fluxes(lit, AZIMUTH, **few)[:, 0], fine),
+        f"many fluxes, {many['streams']} streams": off(lobe_by_fluxes(lit, AZIMUTH, **many)[:, 0], fine),
         "all cells as rows of one matrix": off(plain[:, CELL * SECTORS].reshape(BANDS, SECTORS), from_cell),
     }
     for words, error in numbers.items():
@@ -100,10 +102,10 @@ def speed(say: Results) -> None:
     every = np.linspace(COSINES[-1], COSINES[0], DIRECTIONS)
     programs: dict[str, Callable[[], object]] = {
         "paths": functools.partial(lobe_by_paths, lit[0], PATHS),
-        "13, few": functools.partial(lobe_by_fluxes, COSINES, **few),
-        "13, many": functools.partial(lobe_by_fluxes, COSINES, **many),
-        "303, few": functools.partial(lobe_by_fluxes, every, **few),
-        "303, many": functools.partial(lobe_by_fluxes, every, **many),
+        "13, few": functools.partial(lobe_by_fluxes, COSINES, AZIMUTH, **few),
+        "13, many": functools.partial(lobe_by_fluxes, COSINES, AZIMUTH, **many),
+        "303, few": functools.partial(lobe_by_fluxes, every, AZIMUTH, **few),
+        "303, many": functools.partial(lobe_by_fluxes, every, AZIMUTH, **many),
         "cells": all_cells,
     }
     seconds = interleaved(programs, 9, budget=10.0)

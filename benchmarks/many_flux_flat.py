@@ -29,10 +29,10 @@ def solve(cosines: np.ndarray, phase: np.ndarray, albedo: float, thickness: floa
     """
     n = cosines.size
     rates = (albedo * phase - np.eye(2 * n)) / np.concatenate([cosines, -cosines])[:, None]
-    values, shapes = np.linalg.eig(rates)
-    fading = np.exp(-np.abs(values.real) * thickness)
+    values, shapes = (np.real(part) for part in np.linalg.eig(rates))
+    fading = np.exp(-np.abs(values) * thickness)
     # Each mode is 1 at the side from which it fades, so that nothing grows.
-    top, bottom = (shapes.real * np.where(sign * values.real > 0, fading, 1.0) for sign in (1, -1))
+    top, bottom = (shapes * np.where(sign * values > 0, fading, 1.0) for sign in (1, -1))
     inverse = np.linalg.inv(np.concatenate([top[:n], bottom[n:]]))[:, :n]
     return Slab(top[n:] @ inverse, bottom[:n] @ inverse)
 

@@ -66,7 +66,7 @@ class Loop(NamedTuple):
         """XYZ read of the colours shown for XYZ wanted, (..., 3)."""
         if not self.tables:
             return np.asarray(values)
-        return self.monitor.read(self.known.look_up(values, fine=self.tables == 2).rgb)
+        return self.monitor.read(np.asarray(self.known.look_up(values, fine=self.tables == 2).rgb))
 
 
 def nearest_display(green_y: float) -> tuple[Display, float]:
@@ -139,7 +139,9 @@ def tables(results: Results) -> dict[str, Any]:
 def straight(loop: Loop, channel: int, values: np.ndarray, fine: bool) -> np.ndarray:
     """Light that a primary alone gives for RGB values, less that of level 0, of 255."""
     ends = loop.known.to_xyz(np.eye(3)[channel] * loop.known.levels)
-    shown = [loop.monitor.read(loop.known.look_up(v[:, None] / 255 * ends, fine=fine).rgb) for v in (values, TOP)]
+    shown = [
+        loop.monitor.read(np.asarray(loop.known.look_up(v[:, None] / 255 * ends, fine=fine).rgb)) for v in (values, TOP)
+    ]
     dark = loop.monitor.read(np.zeros(3))[1]
     return 255 * (shown[0][:, 1] - dark) / (shown[1][0, 1] - dark)
 

@@ -148,7 +148,8 @@ def figure(pairs: dict[str, Work], found: dict[str, np.ndarray]) -> Any:
 
     paints = catalogue.load()
     picture = Figure(figsize=(12, 6.4), layout="constrained")
-    top, bottom = picture.subfigures(2, 1)
+    halves: Any = picture.subfigures(2, 1)
+    top, bottom = halves
     top.suptitle("k and s of the paints that stand for the paper's, as in its figure 2", fontsize=11)
     bottom.suptitle("Table 4: mean difference of 24-bit RGB, h varied by 4 % (x: as the paper prints it)", fontsize=11)
     for axes, (letter, name) in zip(top.subplots(1, 4, sharey=True), PAINTS.items(), strict=True):
