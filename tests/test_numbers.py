@@ -89,6 +89,28 @@ def walkers() -> str:
     )
 
 
+def paths() -> str:
+    """To two digits, as a time on a shared machine is worth."""
+    both, neither = (
+        all_of(rf"{words}[^\n]*? +([\d,]+) +\S+\n", result("many_flux_claims"))[0]
+        for words in ("by symmetry, both", "for neither: 303")
+    )
+    return f"symmetry for both; for neither | {float(f'{both:.2g}'):.0f}; {float(f'{neither:.2g}'):.0f}"
+
+
+def monitor() -> str:
+    text = result("object_colour_figures").partition("Figure 16,")[2]
+    mean, most = all_of(r"as read, black of \S+ cd/m2 +([\d.]+) mean, ([\d.]+) at most", text)
+    return f"ray-traced with one bounce (figure 15) | {mean:.4f} | {most:.4f}"
+
+
+def draws() -> str:
+    """The first table of draws, of the paints as they are."""
+    first = result("paper_rounding").partition("The paper's mean h")[0]
+    (share,) = all_of(r"fixed step nearer in (\d+)% of all draws", first)
+    return f"Over all pairs it is nearer in {share:.0f} %"
+
+
 @pytest.mark.parametrize(
     ("document", "sentence"),
     [
@@ -103,6 +125,9 @@ def walkers() -> str:
         ("docs/accuracy.md", corrected_order),
         ("docs/accuracy.md", fixed_over_own_step),
         ("docs/accuracy.md", walkers),
+        ("README.md", paths),
+        ("docs/accuracy.md", monitor),
+        ("docs/accuracy.md", draws),
     ],
     ids=lambda value: value.__name__ if callable(value) else "",
 )

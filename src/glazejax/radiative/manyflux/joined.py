@@ -202,7 +202,7 @@ def joined_stack(
     indices = np.array((1.0, *media.layers, *below))
     found = _discrete(layers, indices, (cos_viewing, indices[-1] if downward else 1.0), cos_incidence, effort, modes)
     common, nodes, seen, lit = found.common, found.nodes, found.seen, found.lit
-    dtype, exists, inner = layers.albedo.dtype, nodes.exists, slice(1, 1 + len(media.layers))
+    dtype, exists, inner = layers.albedo.dtype, np.asarray(nodes.exists), slice(1, 1 + len(media.layers))
     in_layers = Diagonal(*(way.cosines[inner] for way in (nodes, seen, lit)))
     reflection, loss = found.operators(found.thickness, effort)
 
