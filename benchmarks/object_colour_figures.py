@@ -1,77 +1,42 @@
 """Paper B's pictures and diagrams, and its findings beside ours.
 
 The monitor's matrix and tables; Phong spheres, whose colours lie between body and light; copper by exact Fresnel, by
-Cook and Torrance and by Hall; two joined planes that light each other. Everything is spectral, 400-700 nm step 5 as in
-the paper. Its measured spectra are figures only: colour-science's ColorChecker patches, illuminant A (its slide
-projector) and D55 (its sunlight) stand for them. Run with ``python -m benchmarks.object_colour_figures``.
+Cook and Torrance and by Hall; two joined planes that light each other. What the paper measured on its monitor is shown
+on a simulated one and read back. Run with ``python -m benchmarks.object_colour_figures``.
 """
 
 import argparse
-from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from scipy.optimize import least_squares
 
-from benchmarks.object_colour_panels import figure_of
+from benchmarks.object_colour import (
+    COPPER,
+    FORMS,
+    GRID,
+    Locus,
+    chromaticity,
+    lamp,
+    patches,
+    reflectances,
+    shown,
+    xyz,
+)
+from benchmarks.object_colour_monitor import chips, copper_plates, exposed, loops, measured, tables
+from benchmarks.object_colour_panels import curves_figure, figure_of, monitor_figure
+from benchmarks.object_colour_planes import planes
 from benchmarks.results import Results, add_option
 from benchmarks.timing import environment
-from glazejax import colour
 from glazejax.appearance import shading
-from glazejax.appearance.display.display import Display
-from glazejax.appearance.display.tone import ToneCurve, look_up
-from glazejax.appearance.interreflection import all_bounces, one_bounce
 from glazejax.appearance.metals import metal
 from glazejax.commands.main import start_jax
-from glazejax.radiative.common.fresnel import (
-    cook_torrance_reflectance,
-    hall_extinction,
-    hall_reflectance,
-)
 
-GRID = np.arange(400.0, 701.0, 5.0)
-PRINTED = np.array([[4.784, -2.342, -0.694], [-1.481, 2.592, 0.037], [0.045, -0.169, 0.894]])
 ANGLES = np.arange(0.0, 87.6, 2.5)
-METALS = ("copper-hagemann", "copper", "gold", "silver", "aluminium")
-FORMS = ("exact Fresnel", "Cook-Torrance", "Hall")
-KNOWN = "Hall, n and k known"
-OPENING, WIDTH = 30.0, 20.0
+METALS = (COPPER, "copper", "gold", "silver", "aluminium")
 PLATE_ANGLE, PLATE_ROUGHNESS, PLATE_DISTANCE = 80.0, 8.0, 20.0
-
-
-class Locus(NamedTuple):
-    """A line of chromaticities and what it is called."""
-
-    name: str
-    xy: np.ndarray
-
-
-def lamp(name: str) -> np.ndarray:
-    """Spectrum of a CIE illuminant on the grid, Y = 1 for a white that faces it."""
-    science = colour.colour_science()
-    light = science.SDS_ILLUMINANTS[name].copy().align(science.SpectralShape(400, 700, 5)).values
-    return light / (light @ weights()[:, 1])
-
-
-def weights() -> np.ndarray:
-    """Colour matching functions as weights of a spectrum of light, paper B, eq (25)."""
-    return colour.colour_weights(GRID, "E")
-
-
-def xyz(spectra) -> np.ndarray:
-    return np.asarray(spectra) @ weights()
-
-
-def chromaticity(spectra) -> np.ndarray:
-    values = xyz(spectra)
-    return values[..., :2] / values.sum(axis=-1, keepdims=True)
-
-
-def patches(*names: str) -> list[np.ndarray]:
-    """Reflectances of ColorChecker patches on the grid."""
-    science = colour.colour_science()
-    chart = science.SDS_COLOURCHECKERS["BabelColor Average"]
-    return [chart[n].copy().align(science.SpectralShape(400, 700, 5)).values for n in names]
+SPHERES = {"red": "moderate red", "green": "green", "blue": "blue"}
+"""Patches that the paper's monitor can show under illuminant A; the chart's own red is too red for it."""
+ALL_ANGLES = np.arange(0.0, 90.1, 5.0)
 
 
 def main() -> None:
@@ -81,46 +46,15 @@ def main() -> None:
     start_jax()
     results = Results("object_colour_figures", options.out)
     results(environment("colour-science"))
-    monitor(results)
-    pictures = {"spheres": spheres(results), "copper": copper(results), "planes": planes(results)}
-    results.save(figure_of(pictures))
-
-
-def monitor(results: Results) -> None:
-    """The monitor of section 2: matrix and tables."""
     results()
     results("Monitor (section 2)")
-    display = Display.paper_monitor()
-    results("        T, printed                  T, eq (3) with second row 1")
-    for one, two in zip(PRINTED, display.matrix, strict=True):
-        results("  " + " ".join(f"{v:7.3f}" for v in one) + "     " + " ".join(f"{v:7.3f}" for v in two))
-    largest = np.abs(PRINTED).max()
-    results(f"  largest difference {np.abs(display.matrix - PRINTED).max() / largest:.1%} of the largest number")
-    for green in (0.607, 0.597):
-        results(
-            f"  nearest T within the rounding of the primaries, y of green {green}: {nearest_matrix(green):.4f} off"
-        )
-    results("  printed T has three decimals, so y = .607 of green is a misprint for .597")
-    tone = ToneCurve.from_gamma(2.2)
-    coarse, fine = tone.tables()
-    light = np.linspace(0.0, 14.0, 14001)
-    for words, table in (("one table of 256", None), ("a second one, ten times finer below 14", fine)):
-        wrong = np.abs(255 * np.asarray(tone.light(look_up(light, coarse, table).astype(float))) - light)
-        results(f"  gamma 2.2, light 0-14 of 255 by {words}: error {wrong.max():.2f} at most, {wrong.mean():.3f} mean")
-
-
-def nearest_matrix(green_y: float) -> float:
-    """Largest difference from the printed T that is left within the rounding of all printed primaries."""
-    display = Display.paper_monitor()
-    start = np.concatenate([display.chromaticities.ravel(), display.luminances])
-    start[3] = green_y
-    half = np.concatenate([np.full(6, 0.0005), np.full(3, 0.05)])
-
-    def off(shares: np.ndarray) -> np.ndarray:
-        moved = start + shares * half
-        return (Display(moved[:6].reshape(3, 2), moved[6:]).matrix - PRINTED).ravel()
-
-    return float(np.abs(off(least_squares(off, np.zeros(9), bounds=(-1, 1)).x)).max())
+    screen = tables(results) | chips(results)
+    pictures = {"spheres": spheres(results), "copper": copper(results), "planes": planes(results)}
+    curves = all_angles(results)
+    results.save(figure_of(pictures))
+    others = {"monitor": monitor_figure(screen, pictures), "metals": curves_figure(GRID, ALL_ANGLES, curves)}
+    for name, figure in others.items():
+        figure.savefig(options.out / f"object_colour_{name}.png", dpi=110)
 
 
 def spheres(results: Results) -> dict:
@@ -128,7 +62,7 @@ def spheres(results: Results) -> dict:
     results()
     results("Spheres (section 6.1): S_s = 5, read as percent, n = 11, light and eye in one direction")
     light = lamp("A")
-    bodies = patches("red", "green", "blue")
+    bodies = patches(*SPHERES.values())
     count = 720
     x, y = np.meshgrid(np.linspace(-1.04, 1.04, count), np.linspace(1.04, -1.04, count))
     inside = x**2 + y**2 < 1
@@ -137,7 +71,7 @@ def spheres(results: Results) -> dict:
     facing = shading.dot(jnp.asarray(normal), jnp.asarray(towards))
     mirrored = shading.dot(shading.mirror_direction(jnp.asarray(normal), jnp.asarray(towards)), jnp.asarray(towards))
     images, loci, bound = [], [], 0.0
-    for name, body in zip(("red", "green", "blue"), bodies, strict=True):
+    for name, body in zip(SPHERES, bodies, strict=True):
         seen = np.asarray(shading.phong(body, light, facing, mirrored, specular=0.05, exponent=11.0))
         image = np.zeros((count, count, 3))
         image[inside] = xyz(seen)
@@ -154,21 +88,19 @@ def spheres(results: Results) -> dict:
     results(
         "  paper: chromaticities lie on the segment from body to light; ours: " + ("so" if bound < 1e-6 else "not so")
     )
-    picture = np.concatenate(images, axis=1)
-    return {"image": shown(picture, xyz(light), 2.0), "loci": loci, "light": chromaticity(light)}
-
-
-def reflectances(name: str, cosine: np.ndarray) -> dict[str, np.ndarray]:
-    """Reflectance of a metal, (..., bands), by each form; Hall's also with the mean n and k instead of n = 1."""
-    bare = metal(name, GRID)
-    normal, c = np.asarray(bare.reflectance(1.0)), cosine[..., None]
-    found = {
-        FORMS[0]: bare.reflectance(cosine),
-        FORMS[1]: cook_torrance_reflectance(c, normal),
-        FORMS[2]: hall_reflectance(c, normal, hall_extinction(normal.mean())),
-        KNOWN: hall_reflectance(c, normal, bare.extinction.mean(), bare.refractive_index.mean()),
+    # Along a line through the centre; with light and eye together N.L is N.V, and R_v.L its double angle's cosine.
+    facing = np.sqrt(1 - np.linspace(-0.99, 0.99, 41) ** 2)
+    line = [
+        np.asarray(shading.phong(b, light, facing, 2 * facing**2 - 1, specular=0.05, exponent=11.0)) for b in bodies
+    ]
+    wanted = exposed(xyz(np.concatenate(line)), loops()[0].known)
+    read = measured(results, "Figure 10: a line through the centre of each sphere", wanted)
+    return {
+        "image": shown(np.concatenate(images, axis=1), xyz(light), 1.4),
+        "loci": loci,
+        "light": chromaticity(light),
+        "read": read,
     }
-    return {form: np.asarray(values) for form, values in found.items()}
 
 
 def copper(results: Results) -> dict:
@@ -203,7 +135,29 @@ def copper(results: Results) -> dict:
         "wavelengths": GRID,
         "angles": ANGLES,
         "plates": {form: plate(form, light, results) for form in FORMS},
+        **copper_plates(results),
     }
+
+
+def all_angles(results: Results) -> dict[str, np.ndarray]:
+    """Figure 11: copper's reflectance by the three forms over all angles, (angles, bands) each."""
+    fine = np.linspace(0.0, 89.5, 359)
+    found = {form: v for form, v in reflectances(COPPER, np.cos(np.deg2rad(fine))).items() if form in FORMS}
+    results()
+    results("Figure 11: copper's reflectance by the approximations minus the exact one, least and most over 400-700 nm")
+    results("  angle      " + "".join(f"{form:>22}" for form in FORMS[1:]))
+    for angle in (0.0, 30.0, 50.0, 60.0, 70.0, 75.0, 80.0, 85.0, 89.0):
+        row = int(np.argmin(np.abs(fine - angle)))
+        off = [found[form][row] - found[FORMS[0]][row] for form in FORMS[1:]]
+        results(f"  {angle:5.0f} deg  " + "".join(f"{v.min():12.3f} to {v.max():6.3f}" for v in off))
+    worst = {form: np.abs(found[form] - found[FORMS[0]]).max(axis=1) for form in FORMS[1:]}
+    results(
+        "  largest difference of all angles: "
+        + ", ".join(f"{form} {off.max():.3f} at {fine[off.argmax()]:.0f} degrees" for form, off in worst.items())
+    )
+    results("  paper: Cook-Torrance fits up to about 50 degrees and falls off near 75; Hall is good throughout")
+    cosines = np.maximum(np.cos(np.deg2rad(ALL_ANGLES)), 0.0)
+    return {form: values for form, values in reflectances(COPPER, cosines).items() if form in FORMS}
 
 
 def columns(distances: list[float]) -> str:
@@ -234,60 +188,6 @@ def plate(form: str, light: np.ndarray, results: Results) -> np.ndarray:
     results(f"  plate at {PLATE_ANGLE:g} degrees, {form:14} middle: x {spot[0]:.4f}  y {spot[1]:.4f}")
     # N.V is small at 80 degrees and divides: the picture is exposed for it, the same for all three.
     return shown(xyz(seen), xyz(light), 0.8 * np.cos(theta))
-
-
-def planes(results: Results) -> dict:
-    """Two joined planes of section 6.3, blue-green above and yellow below."""
-    results()
-    results(f"Joined planes (section 6.3): gamma {OPENING:g} degrees, w {WIDTH:g}, sunlight D55 along the bisector")
-    light = lamp("D55")
-    above, below = patches("bluish green", "yellow")
-    lit = np.sin(np.deg2rad(OPENING / 2))
-    place = np.linspace(0.0, 1.0, 101)
-    product = chromaticity(above * below * light)
-    ways, strips = {}, {}
-    for name, bounces in (("one bounce", one_bounce), ("all bounces", all_bounces)):
-        pair = bounces(above, below, lit, lit, light, place, OPENING)
-        ways[name] = [np.asarray(side) for side in pair]
-        for side, body, label in zip(ways[name], (above, below), ("above", "below"), strict=True):
-            own, found = chromaticity(body * light), chromaticity(side)
-            distance = np.linalg.norm(found - product, axis=1)
-            along = product - own
-            share = (found - own) @ along / (along @ along)
-            off = np.linalg.norm(found - own - share[:, None] * along, axis=1).max()
-            nearer = "nearer at every step" if np.all(np.diff(distance) > 0) else "not nearer at every step"
-            results(
-                f"  {name:11} {label}: {share[-1]:.3f} of the way to the product of both at the outer edge, "
-                f"{share[0]:.3f} at the joint, {nearer}; off the segment {off:.0e}"
-            )
-    results(
-        "  paper: colours lie about on the segment and move to the product towards the joint; ours: so, with one bounce"
-    )
-    first = [body * lit * light for body in (above, below)]
-    ways["none"] = [np.broadcast_to(value, ways["one bounce"][0].shape) for value in first]
-    joint = [xyz(ways[name][0][0])[1] for name in ("none", "one bounce", "all bounces")]
-    results(
-        f"  light at the joint of the upper plane: {joint[1] / joint[0]:.2f} times its own with one bounce, "
-        f"{joint[2] / joint[0]:.2f} with all: one bounce misses {1 - joint[1] / joint[2]:.0%}"
-    )
-    for name in ("none", "one bounce", "all bounces"):
-        upper, lower = ways[name]
-        column = np.concatenate([upper[::-1], lower])
-        strips[name] = shown(np.repeat(xyz(column)[:, None], 150, axis=1), xyz(light), 1.0 / (lit * 1.9))
-    return {
-        "strips": strips,
-        "loci": [(name, *(chromaticity(side) for side in ways[name])) for name in ("one bounce", "all bounces")],
-        "bodies": [chromaticity(above * light), chromaticity(below * light)],
-        "product": product,
-        "light": chromaticity(light),
-    }
-
-
-def shown(values: np.ndarray, white: np.ndarray, exposure: float) -> np.ndarray:
-    """XYZ as an sRGB picture in [0, 1] for an eye adapted to the light."""
-    display = Display.preset("sRGB")
-    digital = display.to_rgb(display.adapt(exposure * values, white), gamut="clip")
-    return np.asarray(digital.rgb) / 255.0
 
 
 if __name__ == "__main__":

@@ -137,6 +137,41 @@ def test_readings_are_met():
     assert np.all(np.diff(tone.lights) > 0)
 
 
+def test_display_from_readings_is_the_one_that_was_read():
+    display = measured()
+    levels = np.arange(0, 256, 15)
+    room = np.array([0.3, 0.31, 0.28])
+    readings = np.asarray(display.to_xyz(levels[:, None] * np.eye(3)[:, None])) + room
+    found = Display.from_readings(levels, readings)
+    np.testing.assert_allclose(found.chromaticities, display.chromaticities, atol=1e-12)
+    np.testing.assert_allclose(found.luminances, display.luminances, rtol=1e-12)
+    # Between the readings both interpolate, this one from 18 and the other from 12 levels.
+    wanted = np.asarray(display.to_xyz(COLOURS))
+    np.testing.assert_allclose(found.to_xyz(COLOURS), wanted, atol=0.004 * display.white.max())
+    with pytest.raises(ValueError, match=r"18 levels need readings \(3, 18, 3\)"):
+        Display.from_readings(levels, readings[:, 1:])
+
+
+def test_looking_up_is_as_near_as_levels_allow():
+    """By two tables, light below 14 of 255 is met as by interpolation; by one it is not. Above, tables are coarse."""
+    display = Display.paper_monitor()
+    rng = np.random.default_rng(5)
+    wanted = display.to_xyz(rng.uniform(5, 60, (2000, 3)))
+    light = 255 * np.asarray(display.linear(wanted))
+
+    def missed(found):
+        return np.abs(255 * np.asarray(display.linear(display.to_xyz(found.rgb))) - light).max()
+
+    nearest, two, one = display.to_rgb(wanted), display.look_up(wanted), display.look_up(wanted, fine=False)
+    assert missed(nearest) <= missed(two) < 0.5 * missed(one)
+    for colours in (GREYS, COLOURS):
+        # The table's step of 1 in light and the level's: two roundings.
+        assert np.abs(255 * np.asarray(display.linear(display.to_xyz(display.look_up(display.to_xyz(colours)).rgb)
+            - display.to_xyz(colours)))).max() < 0.5 + 1.2  # fmt: skip
+    outside = display.look_up(np.array([[0.0, 80.0, 0.0], [60.0, 60.0, 60.0], [900.0, 900.0, 900.0]])).outside
+    np.testing.assert_array_equal(outside, [True, False, True])
+
+
 def test_colours_can_be_differentiated():
     display = measured()
     xyz = np.asarray(display.to_xyz(np.array([120.3, 50.6, 200.2])))

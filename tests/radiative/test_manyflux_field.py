@@ -2,12 +2,14 @@
 
 from typing import Any
 
+import jax
 import numpy as np
 import pytest
 
 from glazejax.radiative.common.fresnel import cos_refracted, dielectric_reflectance
 from glazejax.radiative.common.phase import henyey_greenstein
 from glazejax.radiative.manyflux.field import manyflux_field
+from glazejax.radiative.manyflux.media import interface_reflectance
 from glazejax.radiative.manyflux.reflectance import (
     manyflux_hemispherical_reflectance,
     manyflux_reflectance_factor,
@@ -53,5 +55,49 @@ def test_errors_name_the_value():
         manyflux_field([0.5], [1.0], 0.3, depth=[2.0], cos_direction=[0.5])
     with pytest.raises(ValueError, match=r"the field is that of one stack; here are \(2,\)"):
         manyflux_field([[0.5], [0.6]], [1.0], 0.3, depth=[0.5], cos_direction=[0.5])
-    with pytest.raises(ValueError, match="for one refractive index"):
-        manyflux_field([0.5, 0.5], [1.0, 1.0], 0.3, depth=[0.5], cos_direction=[0.5], refractive_index=(1.5, 1.4))  # pyright: ignore[reportArgumentType]
+    given = {"depth": [0.5], "cos_direction": [0.5], "refractive_index": (1.5, 1.4), "streams": 8}
+    with pytest.raises(ValueError, match="must be known, not traced"):
+        jax.jit(lambda d: manyflux_field([0.5, 0.5], d, 0.3, **given).beam)(np.array([1.0, 1.0]))
+
+
+INDICES = (1.6, 1.35, 1.5)
+MORE = henyey_greenstein(np.array([0.6, -0.3, 0.2]), 8)
+
+
+def test_field_through_layers_of_different_index():
+    """Outside it is what is seen there, on the ground the ground's, and at a surface inside Fresnel's law joins it."""
+    stack = [0.9, 0.7, 0.95], [0.4, 1.1, 0.3], 0.5
+    given: dict[str, Any] = {"phase": MORE, "cos_incidence": 0.7, "streams": 16, "refractive_index": INDICES}
+    turned = np.array([0.0, 130.0])
+    seen = float(cos_refracted(0.6, 1.6))
+    # Just above the first surface inside, in a direction that crosses it and in one beyond the critical angle.
+    steep, flat, away = 0.8, 0.3, np.nextafter(0.4, 0.0)
+    across = float(np.sqrt(1 - (1.6 / 1.35) ** 2 * (1 - steep**2)))
+    first = manyflux_field(*stack, depth=[0.0, away], cos_direction=[seen, steep, flat], azimuth=turned, **given)
+    second = manyflux_field(*stack, depth=[0.4], cos_direction=[across], azimuth=turned, **given)
+    last = manyflux_field(*stack, depth=[1.8], cos_direction=[0.9, 0.1], azimuth=turned, **given)
+    outside = manyflux_reflectance_factor(*stack, cos_viewing=0.6, azimuth=turned, **given)
+    np.testing.assert_allclose((1 - dielectric_reflectance(0.6, 1.6)) / 1.6**2 * first.up[0, 0], outside, atol=1e-10)
+    reflected = manyflux_hemispherical_reflectance(*stack, **given)
+    entered = 1 - dielectric_reflectance(0.7, 1.6)
+    np.testing.assert_allclose(first.flux_down[0] - first.flux_up[0], entered - reflected, atol=1e-10)
+    np.testing.assert_allclose(last.up[0], 0.5 * last.flux_down[0], atol=1e-10)
+    net = first.flux_down - first.flux_up
+    np.testing.assert_allclose(net[1], (second.flux_down - second.flux_up)[0], atol=1e-10)
+    r = np.asarray(interface_reflectance(1.6, 1.35, np.array([steep]), np.array([across])))[0]
+    down, up = first.down[1, 1], first.up[1, 1]
+    np.testing.assert_allclose(second.down[0, 0], (1 - r) * (1.35 / 1.6) ** 2 * down + r * second.up[0, 0], atol=1e-8)
+    np.testing.assert_allclose(up, r * down + (1 - r) * (1.6 / 1.35) ** 2 * second.up[0, 0], atol=1e-8)
+    np.testing.assert_allclose(first.up[1, 2], first.down[1, 2], atol=1e-8)
+
+
+@pytest.mark.slow
+def test_no_flux_is_lost_between_layers_of_different_index():
+    depth = np.array([0.0, 0.3, 0.4, 0.9, 1.5, 1.6, 1.8])
+    field = manyflux_field(
+        [1.0, 1.0, 1.0], [0.4, 1.1, 0.3], 0.3, depth=depth, cos_direction=[0.5], phase=MORE, streams=16,
+        refractive_index=INDICES,
+    )  # fmt: skip
+    net = np.asarray(field.flux_down - field.flux_up)
+    np.testing.assert_allclose(net, net[0], atol=1e-9)
+    np.testing.assert_allclose(field.flux_up[-1], 0.3 * field.flux_down[-1], atol=1e-9)

@@ -18,7 +18,7 @@ from ...colour import colour_science
 from ...radiative.common.fresnel import array_module
 from ...spectra import Numbers, as_array, as_float_array, concrete
 from .gamut import bring_inside
-from .tone import ToneCurve
+from .tone import ToneCurve, look_up
 
 Gamut = Literal["clip", "dim", "desaturate", "error"]
 """What becomes of a colour that the display can't show; see `Display.to_rgb`."""
@@ -123,6 +123,33 @@ class Display:
         xy = [[0.614, 0.350], [0.306, 0.607], [0.149, 0.074]]
         return cls(xy, [42.7, 138.7, 27.3], _TUBE_GAMMA, name="paper B's monitor")
 
+    @classmethod
+    def from_readings(
+        cls, levels: Numbers, readings: Numbers, *, highest: int = 255, name: str = "measured"
+    ) -> "Display":
+        """A display from what a colorimeter reads of each primary alone at some levels.
+
+        Args:
+            levels: (readings,), levels that were measured, rising, with 0 and the highest among them.
+            readings: (3, readings, 3), XYZ of red, green and blue at these levels, in any unit. What level 0 gives,
+                the light of the room among it, is taken off.
+            highest: highest level.
+            name: for people.
+
+        Raises:
+            ValueError: another shape, or what `ToneCurve.from_readings` and `Display` refuse.
+
+        Source: paper B, section 2; between the levels by monotone cubic interpolation.
+        """
+        at, xyz = np.asarray(levels, float), np.asarray(readings, float)
+        if at.ndim != 1 or xyz.shape != (3, at.size, 3):
+            raise ValueError(f"{at.size} levels need readings (3, {at.size}, 3), XYZ of each primary, not {xyz.shape}")
+        own = xyz - xyz[:, :1]
+        # The sum of X, Y and Z, since blue has hardly any Y.
+        light = own.sum(axis=-1)
+        tones = tuple(ToneCurve.from_readings(at, part, highest) for part in light)
+        return cls(own[:, -1, :2] / light[:, -1:], own[:, -1, 1], tones, levels=highest, name=name)
+
     @property
     def matrix(self) -> Float[np.ndarray, "3 3"]:
         """T of paper B, eq (3): XYZ to light in units of which `levels` is the most."""
@@ -160,11 +187,28 @@ class Display:
             raise ValueError(f"gamut is {gamut!r}; it must be one of {', '.join(get_args(Gamut))}")
         light = self.linear(xyz)
         xp = array_module(light)
-        outside = xp.any((light < -_SLACK) | (light > 1.0 + _SLACK), axis=-1)
+        outside = _outside(light)
         if gamut == "error":
             self._refuse(xyz, outside)
         inside = bring_inside(light, self.luminances / self.luminances.sum(), gamut)
         return Digital(xp.round(self.encode(inside)).astype(np.int32), outside)
+
+    def look_up(self, xyz: Numbers, *, fine: bool = True) -> Digital:
+        """Digital RGB by correction tables without interpolation, as the hardware of paper B makes it.
+
+        Args:
+            xyz: (..., 3), on the scale of `luminances`.
+            fine: whether a second table, ten times finer, serves light below 14 of 255.
+
+        Returns:
+            `Digital`, in NumPy; colours outside are clipped. `to_rgb` comes nearer, for it interpolates.
+
+        Source: paper B, section 2, figure 1.
+        """
+        light = np.asarray(self.linear(xyz))
+        tables = [tone.tables(self.levels) if fine else tone.tables(self.levels)[:1] for tone in self.tones]
+        found = [look_up(self.levels * light[..., k], *table) for k, table in enumerate(tables)]
+        return Digital(np.stack(found, axis=-1).astype(np.int32), _outside(light))
 
     def encode(self, light: Numbers) -> Float[Array | np.ndarray, "*batch 3"]:
         """Levels before rounding, (..., 3), of the light of each primary, (..., 3), 0 to 1; differentiable."""
@@ -211,6 +255,11 @@ def _floats(values: Numbers) -> Float[Array | np.ndarray, "..."]:
     return (
         np.asarray(array, np.result_type(array, np.float32)) if isinstance(array, np.ndarray) else as_float_array(array)
     )
+
+
+def _outside(light: Float[Array | np.ndarray, "*batch 3"]) -> Bool[Array | np.ndarray | np.bool_, "*batch"]:
+    """Where a primary would have to shine less than not at all, or more than it can."""
+    return array_module(light).any((light < -_SLACK) | (light > 1.0 + _SLACK), axis=-1)
 
 
 def _times(

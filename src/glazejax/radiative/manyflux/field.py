@@ -5,6 +5,8 @@ layers      cut at the depth asked for: a slab above,
 ------      down = (1 - R_above R_below)^-1 T,  up = R_below down
 layers      and what reflects below
 ground
+
+Layers of different index have surfaces between them, on either side of the cut (`joined.opened_stack`).
 """
 
 import functools
@@ -17,8 +19,10 @@ from jaxtyping import Array, Float
 
 from ..common.inputs import Numbers, check_values, concrete
 from .bordered import Diagonal, diagonal
-from .call import GivenStack, prepare
+from .call import GivenStack, Indices, prepare
 from .effort import Effort, Solution
+from .joined import opened_stack
+from .media import Media
 from .scattering import azimuth_waves, rates
 from .solve import Layers, discrete_stack, layer_operators
 from .star_product import Slab, join, join_all, lambert, slab_of_layer, stack_reflection
@@ -32,7 +36,7 @@ class Field(NamedTuple):
     up: Float[Array, "depths directions azimuths"]
     """The same upwards; the beam's mirror images are not in it, nor in ``down``."""
     beam: Float[Array, "depths"]
-    """Share of E that goes on as the beam."""
+    """Share of E that goes on as the beam, with its images in surfaces between layers."""
     flux_down: Float[Array, "depths"]
     """Flux of all light downwards, over E."""
     flux_up: Float[Array, "depths"]
@@ -48,7 +52,7 @@ def manyflux_field(
     cos_direction: Numbers,
     azimuth: Numbers = (0.0,),
     phase: Numbers | None = None,
-    refractive_index: float = 1.5,
+    refractive_index: Indices = 1.5,
     cos_incidence: Numbers = 1.0,
     tolerance: float = 1e-6,
     streams: int | None = None,
@@ -57,8 +61,10 @@ def manyflux_field(
     """Field of one stack.
 
     Args:
-        depth: optical depths below the surface, (depths,), from 0 to the whole thickness.
-        cos_direction: cosines inside the paint, (directions,), in (0, 1], for light downwards and upwards alike.
+        depth: optical depths below the surface, (depths,), from 0 to the whole thickness. Where layers have different
+            indices they must be known, and a depth between two layers is in the lower one.
+        cos_direction: cosines in the layer where the light is, (directions,), in (0, 1], for light downwards and
+            upwards alike.
         azimuth: degrees, (azimuths,), 0 on the beam's side.
         cos_incidence: in air, ().
         The others as for `manyflux.manyflux_reflectance_factor`, for one stack.
@@ -67,7 +73,8 @@ def manyflux_field(
         `Field`.
 
     Raises:
-        ValueError: as there, for a batch of stacks, several refractive indices, or a depth outside the layers.
+        ValueError: as there, for a batch of stacks, a depth outside the layers, or, between layers of different
+            index, depths that `jax.jit` traces.
 
     Notes:
         Where the phase function has more moments than are kept, light scattered by its forward peak counts as not
@@ -81,8 +88,6 @@ def manyflux_field(
     call = prepare(given, {"cos_incidence": cos_incidence}, 0.0, least=float(directions.min(initial=1.0)))
     if call.batch != ():
         raise ValueError(f"the field is that of one stack; here are {call.batch} of them: use jax.vmap")
-    if not isinstance(call.settings.media, float):
-        raise ValueError("the field inside is found for one refractive index; give a number")
     layers = jax.tree.map(lambda leaf: leaf[0], call.layers)
     dtype = layers.albedo.dtype
     depths = jnp.atleast_1d(jnp.asarray(depth, dtype))
@@ -92,7 +97,22 @@ def manyflux_field(
         if wrong.size:
             raise ValueError(f"depth holds {wrong[0]}; it must be between 0 and the whole thickness {whole.sum():g}")
     axes = jnp.asarray(directions, dtype), jnp.deg2rad(jnp.atleast_1d(jnp.asarray(azimuth, dtype)))
-    return _field(layers, depths, axes, call.angles["cos_incidence"], call.settings.media, call.settings.effort)
+    lit, (media, effort, _) = call.angles["cos_incidence"], call.settings
+    if not isinstance(media, Media):
+        return _field(layers, depths, axes, lit, media, effort)
+    if known is None or whole is None:
+        raise ValueError("between layers of different index depth and optical_thickness must be known, not traced")
+    # Where a depth lies decides which surfaces are above it: one program a layer.
+    tops = np.concatenate([[0.0], np.cumsum(whole)[:-1]])
+    cuts = np.searchsorted(tops, np.minimum(known, whole.sum()), side="right") - 1
+    shares = np.clip((known - tops[cuts]) / np.where(whole[cuts] > 0, whole[cuts], 1.0), 0.0, 1.0)
+    order, parts = [], []
+    for cut in np.unique(cuts).tolist():
+        rows = np.flatnonzero(cuts == cut)
+        parts.append(_opened_field(layers, jnp.asarray(shares[rows], dtype), axes, lit, media, effort, cut))
+        order.append(rows)
+    back = np.argsort(np.concatenate(order))
+    return jax.tree.map(lambda *leaves: jnp.concatenate(leaves)[back], *parts)
 
 
 @functools.partial(jax.jit, static_argnums=(4, 5))
@@ -129,3 +149,29 @@ def _field(layers: Layers, depths: Array, axes: tuple[Array, Array], lit: Array,
         return Field(radiance(down), radiance(up), beam, flux(down) + beam, flux(up) + up.incidence[0, 0])
 
     return jax.lax.map(at, depths)
+
+
+@functools.partial(jax.jit, static_argnums=(4, 5, 6))
+def _opened_field(
+    layers: Layers, shares: Array, axes: tuple[Array, Array], lit: Array, media: Media, effort: Effort, cut: int
+) -> Field:
+    """Field below shares of one layer of a stack of several indices."""
+    seen, azimuth = axes
+    waves = azimuth_waves(azimuth, effort.modes)
+    index = media.layers[cut]
+
+    def at(share: Array) -> Field:
+        stack = opened_stack(layers, media, seen, lit, effort, effort.modes, cut, share)
+        down = (stack.above.below @ stack.below).scaled(-1.0).plus_identity().inverse() @ stack.above.down
+        up = stack.below @ down
+
+        def radiance(operator) -> Array:
+            return 0.5 * index**2 * jnp.einsum("mvi,mk->vik", operator.corner, waves, precision="highest")[:, 0]
+
+        def flux(operator) -> Array:
+            return jnp.sqrt(stack.flux) @ operator.columns[0, :, 0]
+
+        beam = down.incidence[0, 0]
+        return Field(radiance(down), radiance(up), beam, flux(down) + beam, flux(up) + up.incidence[0, 0])
+
+    return jax.lax.map(at, shares)

@@ -22,7 +22,7 @@ from ..common.phase import delta_m
 from .bordered import Bordered, Diagonal, diagonal
 from .effort import Effort
 from .ground import GroundTable, ground_operator
-from .media import Media, SharedSpread, in_medium, interface_reflectance, shared_directions
+from .media import Media, SharedDirections, SharedSpread, in_medium, interface_reflectance, shared_directions
 from .scattering import associated_legendre, azimuth_waves, rates, scattering
 from .single import ScatteredOnce, missing_once
 from .solve import Layers, layer_operators
@@ -68,6 +68,113 @@ class JoinedStack(NamedTuple):
         return self.slab.above + self.slab.up @ (self.ground @ (between @ self.slab.down))
 
 
+class OpenedStack(NamedTuple):
+    """A stack cut inside one of its layers."""
+
+    above: Slab
+    """From the air to the cut."""
+    below: Bordered
+    """What lies under the cut, ground and all, as it reflects."""
+    flux: Float[Array, "n"]
+    """n^2 mu w of the nodes that exist at the cut, 0 of the others."""
+
+
+class _Discrete(NamedTuple):
+    """A stack in the directions that its media share, delta-M scaled."""
+
+    common: SharedDirections
+    nodes: FollowedDirections
+    seen: FollowedDirections
+    lit: FollowedDirections
+    albedo: Array  # (layers,)
+    thickness: Array  # (layers,)
+    even: Array
+    odd: Array
+    a: Bordered
+    b: Bordered
+    rows: Array  # weights of added directions, see `Bordered.reweighted`
+    columns: Array
+
+    def operators(self, thickness: Array, effort: Effort) -> tuple[Bordered, Bordered]:
+        """R and U of the layers at any thickness."""
+        found = layer_operators(self.a, self.b, thickness[:, None], effort)
+        reflection, loss = (x.reweighted(self.rows, self.columns) for x in found)
+        return reflection, loss
+
+
+def _discrete(
+    layers: Layers,
+    indices: np.ndarray,
+    seen_in: tuple[Array, float],
+    cos_incidence: Array,
+    effort: Effort,
+    modes: int,
+) -> _Discrete:
+    """Directions and scattering; indices from the air down, viewing as cosines and the index they are known in."""
+    assert isinstance(effort.directions, SharedSpread)
+    common = shared_directions(effort.directions)
+    dtype = layers.albedo.dtype
+    mu, weights, exists = (np.stack(x) for x in zip(*(in_medium(common, n) for n in indices), strict=True))
+    seen = _ways(seen_in[0], indices, seen_in[1])
+    lit = _ways(cos_incidence, indices, 1.0)
+    nodes = FollowedDirections(jnp.asarray(mu, dtype), exists)
+    inner = slice(1, 1 + layers.albedo.size)
+    in_layers = Diagonal(*(way.cosines[inner] for way in (nodes, seen, lit)))
+
+    albedo, thickness, moments = delta_m(layers.albedo, layers.optical_thickness, layers.moments, effort.kept)
+    thickness = thickness + _THINNEST
+    tables = [associated_legendre(c, modes, moments.shape[-1]) for c in in_layers]
+    roots = jnp.sqrt(jnp.asarray(weights[inner], dtype))
+    even, odd = scattering(moments, tables[0], tables[1], tables[2], roots)
+    each = Diagonal(*(c[:, None] for c in in_layers))
+    a, b = rates(albedo[:, None], even, odd, each)
+    n = indices[inner][:, None, None]
+    rows, columns = (jnp.asarray(1.0 / (n * jnp.sqrt(c))) for c in each[1:])
+    return _Discrete(common, nodes, seen, lit, albedo, thickness, even, odd, a, b, rows, columns)
+
+
+def opened_stack(
+    layers: Layers,
+    media: Media,
+    cos_inside: Float[Array, "v"],
+    cos_incidence: Float[Array, "i"],
+    effort: Effort,
+    modes: int,
+    cut: int,
+    share: Array,
+) -> OpenedStack:
+    """Stack on a Lambertian ground, cut open in layer ``cut`` below a ``share`` of it.
+
+    Args:
+        cos_inside: cosines in that layer.
+        The others as for `joined_stack`.
+    """
+    indices = np.array((1.0, *media.layers))
+    found = _discrete(layers, indices, (cos_inside, indices[1 + cut]), cos_incidence, effort, modes)
+    number = np.arange(len(media.layers))
+    part = jnp.where(number < cut, 1.0, jnp.where(number > cut, 0.0, share))
+    surfaces, _ = _surfaces(indices, found.nodes, found.seen, found.lit, modes)
+    upper, lower = (slab_of_layer(*found.operators(p * found.thickness, effort)) for p in (part, 1.0 - part))
+
+    def pick(slabs: Slab, k: int) -> Slab:
+        return jax.tree.map(lambda leaf: leaf[k], slabs)
+
+    above = join(pick(surfaces, 0), pick(upper, 0))
+    for k in range(1, cut + 1):
+        above = join(join(above, pick(surfaces, k)), pick(upper, k))
+    dtype = layers.albedo.dtype
+    exists = found.nodes.exists
+    last = [jnp.sqrt(jnp.asarray(found.common.flux * exists[-1], dtype)) / indices[-1]]
+    last += [jnp.full(way.cosines.shape[1], 1.0 / indices[-1], dtype) for way in (found.seen, found.lit)]
+    cosines = Diagonal(*(way.cosines[-1] for way in (found.nodes, found.seen, found.lit)))
+    below = ground_operator(layers.ground, None, cosines, Diagonal(*last), modes)
+    for k in range(len(media.layers) - 1, cut - 1, -1):
+        slab = pick(lower, k) if k == cut else join(pick(surfaces, k), pick(lower, k))
+        between = (slab.below @ below).scaled(-1.0).plus_identity().inverse()
+        below = slab.above + slab.up @ (below @ (between @ slab.down))
+    return OpenedStack(above, below, jnp.asarray(found.common.flux * exists[1 + cut], dtype))
+
+
 def joined_stack(
     layers: Layers,
     media: Media,
@@ -91,29 +198,13 @@ def joined_stack(
         table: what the ground reflects in which direction; times the ground's reflectance. Lambertian without.
         downward: whether light is seen from below.
     """
-    assert isinstance(effort.directions, SharedSpread)
-    common = shared_directions(effort.directions)
-    dtype = layers.albedo.dtype
     below = () if media.below is None else (media.below,)
     indices = np.array((1.0, *media.layers, *below))
-    parts = [in_medium(common, n) for n in indices]
-    mu, weights, exists = (np.stack(x) for x in zip(*parts, strict=True))
-    seen = _ways(cos_viewing, indices, indices[-1] if downward else 1.0)
-    lit = _ways(cos_incidence, indices, 1.0)
-    nodes = FollowedDirections(jnp.asarray(mu, dtype), exists)
-    inner = slice(1, 1 + len(media.layers))
+    found = _discrete(layers, indices, (cos_viewing, indices[-1] if downward else 1.0), cos_incidence, effort, modes)
+    common, nodes, seen, lit = found.common, found.nodes, found.seen, found.lit
+    dtype, exists, inner = layers.albedo.dtype, np.asarray(nodes.exists), slice(1, 1 + len(media.layers))
     in_layers = Diagonal(*(way.cosines[inner] for way in (nodes, seen, lit)))
-
-    albedo, thickness, moments = delta_m(layers.albedo, layers.optical_thickness, layers.moments, effort.kept)
-    thickness = thickness + _THINNEST
-    tables = [associated_legendre(c, modes, moments.shape[-1]) for c in in_layers]
-    roots = jnp.sqrt(jnp.asarray(weights[inner], dtype))
-    even, odd = scattering(moments, tables[0], tables[1], tables[2], roots)
-    each = Diagonal(*(c[:, None] for c in in_layers))
-    a, b = rates(albedo[:, None], even, odd, each)
-    n = indices[inner][:, None, None]
-    rows, columns = (jnp.asarray(1.0 / (n * jnp.sqrt(c))) for c in each[1:])
-    reflection, loss = (x.reweighted(rows, columns) for x in layer_operators(a, b, thickness[:, None], effort))
+    reflection, loss = found.operators(found.thickness, effort)
 
     surfaces, through = _surfaces(indices, nodes, seen, lit, modes)
     count = len(media.layers)
@@ -134,13 +225,13 @@ def joined_stack(
         layers.albedo,
         layers.optical_thickness,
         layers.moments,
-        albedo,
-        thickness,
+        found.albedo,
+        found.thickness,
         in_layers.viewing,
         in_layers.incidence,
         _passing(through, indices[inner], count, downward),
     )
-    corners = [c[..., size:, size:] for c in (even, odd)]
+    corners = [c[..., size:, size:] for c in (found.even, found.odd)]
     flux = jnp.asarray(common.flux, dtype)
     return JoinedStack(slab, ground, surfaces, coats, flux, exists[0], exists[-1], once, *corners)
 

@@ -1,0 +1,136 @@
+"""Figures in README and docs are those of the result files that they link."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+RESULTS = ROOT / "benchmarks" / "results"
+
+
+def result(name: str) -> str:
+    return (RESULTS / f"{name}.txt").read_text()
+
+
+def all_of(pattern: str, text: str) -> list[float]:
+    """Numbers that the pattern's groups find, thousands' commas taken off."""
+    found = [part for match in re.finditer(pattern, text) for part in match.groups()]
+    assert found, f"nothing like {pattern!r}"
+    return [float(part.replace(",", "")) for part in found]
+
+
+def words(document: str) -> str:
+    """A document as one line, so that its line breaks do not matter."""
+    return " ".join((ROOT / document).read_text().split())
+
+
+def worst_over_tolerance() -> str:
+    rows = [line.split()[1:] for line in result("calibrate_directions").splitlines() if line.startswith("1e-")]
+    # Of each setting: number of directions, and two errors over the tolerance.
+    return f"worst of 1000 stacks a setting | {max(float(v) for row in rows for v in (*row[1::3], *row[2::3])):.2f}"
+
+
+def beside_cdisort() -> str:
+    (ratio,) = all_of(r"CDISORT without surface +at 1e-08 +([\d.]+)", result("frontier"))
+    return f"both at an error of 1e-8 | {1 / ratio:.0f}"
+
+
+def gradient() -> str:
+    (ratio,) = all_of(r"value and gradient / value +tol. 1e-06 +([\d.]+)", result("frontier"))
+    return f"that of the value, tolerance 1e-6 | {ratio:.1f}"
+
+
+def million() -> str:
+    (milliseconds,) = all_of(r"\n1000000 +(\d+)", result("scaling"))
+    return f"A million stacks of two layers | {milliseconds / 1e3:.1f} s"
+
+
+def chart() -> str:
+    median, _, below, _ = all_of(r"\n +3 +2 +([\d.]+) +([\d.]+) +(\d+) +([\d.]+)", result("colourchecker_recipes"))
+    return f"{below:.0f} of 24, {median:.2f}"
+
+
+def chart_seconds() -> str:
+    text = result("colourchecker_recipes")
+    first, again = all_of(r"at most: ([\d.]+) s the first", text) + all_of(r"\n([\d.]+) s again", text)
+    return f"All 24 take {first} s the first time, with compilation, and {again} s again"
+
+
+def posterior() -> str:
+    part = result("coverage").partition("bands:")[0]
+    held = all_of(r"\n(?:thickness|gloss|model error|fraction) +\d+ +([\d.]+)%", part)
+    return f"500 simulated films of paints | {min(held):.0f}-{max(held):.0f} %"
+
+
+def kernels() -> str:
+    call, count, each = all_of(r"\n +41 +1e-03 +\d+ +(\d+) +(\d+) +([\d.]+)", result("profile_solver"))
+    return f"At a tolerance of 1e-3, 41 wavelengths take {call:.0f} µs in {count:.0f} kernels of {each} µs each"
+
+
+def corrected_order() -> str:
+    rows = all_of(r"\n +0\.01 +(\S+) +(\S+)", result("auxiliary_order"))
+    printed, corrected = rows[:2], rows[-2:]
+    low, high = (round(p / c, -2) for p, c in zip(printed, corrected, strict=True))
+    return f"its error is {low:.0f} to {high:.0f} times smaller"
+
+
+def fixed_over_own_step() -> str:
+    shares = all_of(r"here: fixed step over own step, decomposed" + r" +([\d.]+)%" * 6, result("paper_tables"))
+    return f"fixed step over own step, both decomposed | 3.7-6.6 % | {min(shares):.0f}-{max(shares):.0f} %"
+
+
+def walkers() -> str:
+    plain = all_of(r"not compiled \S+ \((\d+)\)", result("emcee_speed"))
+    one = all_of(r"one walker at a time \S+ \((\d+)\)", result("emcee_speed"))
+    return (
+        f"{min(plain):.0f} to {max(plain):.0f} times as fast as the same formulas called walker by walker, uncompiled, "
+        f"and {min(one):.0f} to {max(one):.0f} times"
+    )
+
+
+def paths() -> str:
+    """To two digits, as a time on a shared machine is worth."""
+    both, neither = (
+        all_of(rf"{words}[^\n]*? +([\d,]+) +\S+\n", result("many_flux_claims"))[0]
+        for words in ("by symmetry, both", "for neither: 303")
+    )
+    return f"symmetry for both; for neither | {float(f'{both:.2g}'):.0f}; {float(f'{neither:.2g}'):.0f}"
+
+
+def monitor() -> str:
+    text = result("object_colour_figures").partition("Figure 16,")[2]
+    mean, most = all_of(r"as read, black of \S+ cd/m2 +([\d.]+) mean, ([\d.]+) at most", text)
+    return f"ray-traced with one bounce (figure 15) | {mean:.4f} | {most:.4f}"
+
+
+def draws() -> str:
+    """The first table of draws, of the paints as they are."""
+    first = result("paper_rounding").partition("The paper's mean h")[0]
+    (share,) = all_of(r"fixed step nearer in (\d+)% of all draws", first)
+    return f"Over all pairs it is nearer in {share:.0f} %"
+
+
+@pytest.mark.parametrize(
+    ("document", "sentence"),
+    [
+        ("README.md", worst_over_tolerance),
+        ("README.md", beside_cdisort),
+        ("README.md", gradient),
+        ("README.md", million),
+        ("README.md", chart),
+        ("README.md", posterior),
+        ("docs/accuracy.md", chart_seconds),
+        ("docs/accuracy.md", kernels),
+        ("docs/accuracy.md", corrected_order),
+        ("docs/accuracy.md", fixed_over_own_step),
+        ("docs/accuracy.md", walkers),
+        ("README.md", paths),
+        ("docs/accuracy.md", monitor),
+        ("docs/accuracy.md", draws),
+    ],
+    ids=lambda value: value.__name__ if callable(value) else "",
+)
+def test_the_figure_is_that_of_its_result(document, sentence):
+    wanted = sentence()
+    assert wanted in words(document), f"{document} should say: {wanted}"
