@@ -5,7 +5,7 @@ python -m benchmarks.mutation [MODULE...] [--count N] [--seed S] [--seconds T] [
 MODULE is a folder or file of glazejax or glazefit: io, colour, film/errors. A random sample of sites, evenly over the
 modules, gets one change each. Tests whose lines reach the changed line run first, those of the file that is nearest
 (whose lines lie most in the changed file) before others, then other tests of these files that use the changed file.
-The first failure kills; so do a crash and a test that does not end. What lives after --budget seconds has survived.
+The first failure kills; so do a crash and a test that does not end. What lives after --budget seconds of processor time has survived.
 
 Results are added to a file of --scratch as they come: a run goes on where one stopped. --again tries survivors once
 more, with the tests of today; --slow lets the slow tests of the nearest files run too. mutation_equivalent.tsv names
@@ -205,7 +205,7 @@ def table(results: Results, scratch: Path, rooms: list[str], seed: int, budget: 
     )
     results("Fast tests only: those that reach the line, nearest file first, then others of these files that use the")
     results(
-        f"changed file, for at most {budget:.0f} s a mutant. Left out: files that draw and word (plots, page, report),"
+        f"changed file, for at most {budget:.0f} s of processor time. Left out: files that draw and word (plots, page, report),"
     )
     results("words of errors, annotations, decorators. Share: killed of those that are not equivalent, 95 % interval.")
     results("")
@@ -249,7 +249,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=300, help="size of the sample (default: %(default)s)")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--seconds", type=float, default=math.inf, help="stop after these, with what there is")
-    parser.add_argument("--budget", type=float, default=60.0, help="seconds a mutant (default: %(default)s)")
+    parser.add_argument("--budget", type=float, default=60.0, help="processor seconds a mutant (default: %(default)s)")
     parser.add_argument("--core", type=int, help="run on this core alone")
     parser.add_argument("--again", action="store_true", help="try survivors once more")
     parser.add_argument("--slow", action="store_true", help="with slow tests")

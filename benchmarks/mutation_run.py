@@ -53,6 +53,8 @@ IMPORTED = (
     "lazy_loader",
     "colour_cxf",
 )
+IDLE = 6.0
+"""Times its seconds of processor time, by the clock, after which a child is stopped too."""
 MEMORY = 12 << 30
 """Bytes of address space of a child."""
 ENDED = (0, 1, 5)
@@ -100,14 +102,14 @@ class Plugin:
 
     def pytest_runtest_logstart(self, nodeid: str) -> None:
         """Before a test's fixtures."""
-        self._began = time.perf_counter()
+        self._began = time.process_time()
         self.say("start", nodeid)
         if self.coverage is not None:
             self.coverage.switch_context(nodeid)
 
     def pytest_runtest_logfinish(self, nodeid: str) -> None:
         """After a test's fixtures."""
-        self.say("end", nodeid, time.perf_counter() - self._began)
+        self.say("end", nodeid, time.process_time() - self._began)
         if self.coverage is not None:
             self.coverage.switch_context("")
 
@@ -144,7 +146,7 @@ def in_child(
         scratch: copy of the repository.
         work: what the child does; it writes lines as `Plugin.say` does.
         usual: seconds of each test, which then has an end; without, a test has as much time as it takes.
-        seconds: after which the child is stopped.
+        seconds: of processor time, after which the child is stopped.
 
     Returns:
         Outcome ("killed", "timeout", "passed", "budget"), the test concerned, and the tests that ended with seconds.
@@ -168,7 +170,7 @@ def in_child(
             os._exit(0)
     os.close(write)
     try:
-        return _listen(read, usual, seconds)
+        return _listen(read, usual, seconds, lambda: _spent(child))
     finally:
         with contextlib.suppress(ProcessLookupError):
             os.killpg(child, signal.SIGKILL)
@@ -176,15 +178,26 @@ def in_child(
         os.close(read)
 
 
-def _listen(pipe: int, usual: dict[str, float] | None, seconds: float) -> tuple[str, str, list[tuple[str, float]]]:
-    begun, now, since, kept = time.monotonic(), "", time.monotonic(), b""
+def _spent(process: int) -> float:
+    """Seconds of processor time of a process and of those it has waited for; other programs do not count."""
+    try:
+        words = Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()
+    except OSError:
+        return time.monotonic()
+    return sum(map(int, words[11:15])) / os.sysconf("SC_CLK_TCK")
+
+
+def _listen(
+    pipe: int, usual: dict[str, float] | None, seconds: float, clock: Callable[[], float]
+) -> tuple[str, str, list[tuple[str, float]]]:
+    begun, first, now, since, kept = time.monotonic(), clock(), "", clock(), b""
     ended: list[tuple[str, float]] = []
     done = False
     while True:
         patience = math.inf if usual is None else PATIENCE[0] + PATIENCE[1] * usual.get(now, 0.0)
-        if now and time.monotonic() - since > patience:
+        if now and clock() - since > patience:
             return "timeout", now, ended
-        if time.monotonic() - begun > seconds:
+        if clock() - first > seconds or time.monotonic() - begun > IDLE * seconds:
             return "budget", now, ended
         if not select.select([pipe], [], [], 0.5)[0]:
             continue
@@ -196,7 +209,7 @@ def _listen(pipe: int, usual: dict[str, float] | None, seconds: float) -> tuple[
         for line in lines:
             match json.loads(line):
                 case ["start", str(test)]:
-                    now, since = test, time.monotonic()
+                    now, since = test, clock()
                 case ["end", str(test), float(took)]:
                     ended.append((test, took))
                     now = ""
