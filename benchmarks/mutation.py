@@ -5,7 +5,8 @@ python -m benchmarks.mutation [MODULE...] [--count N] [--seed S] [--seconds T] [
 MODULE is a folder or file of glazejax or glazefit: io, colour, film/errors. A random sample of sites, evenly over the
 modules, gets one change each. Tests whose lines reach the changed line run first, those of the file that is nearest
 (whose lines lie most in the changed file) before others, then other tests of these files that use the changed file.
-The first failure kills; so do a crash and a test that does not end. What lives after --budget seconds of processor time has survived.
+The first failure kills; so do a crash and a test that does not end. What lives after --budget seconds of processor
+time has survived.
 
 Results are added to a file of --scratch as they come: a run goes on where one stopped. --again tries survivors once
 more, with the tests of today; --slow lets the slow tests of the nearest files run too. mutation_equivalent.tsv names
@@ -204,10 +205,9 @@ def table(results: Results, scratch: Path, rooms: list[str], seed: int, budget: 
         f"Mutants of cosmic-ray, seed {seed}, one change at each of a random sample of places, evenly over the modules."
     )
     results("Fast tests only: those that reach the line, nearest file first, then others of these files that use the")
-    results(
-        f"changed file, for at most {budget:.0f} s of processor time. Left out: files that draw and word (plots, page, report),"
-    )
-    results("words of errors, annotations, decorators. Share: killed of those that are not equivalent, 95 % interval.")
+    results(f"changed file, for at most {budget:.0f} s of processor time. Left out: files that draw and word (plots,")
+    results("page, report), words of errors, annotations, decorators. Share: killed of those that are not equivalent,")
+    results("with its 95 % interval.")
     results("")
     results(f"{'':12s} mutants  equivalent  killed at first  share  killed now  survive  share  interval")
     total = [sum(column) for column in zip(*rows.values(), strict=True)]
