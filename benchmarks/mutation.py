@@ -76,7 +76,7 @@ class Tests:
         return {test: took for entry in self.files.values() for test, took in entry["seconds"].items()}
 
     def of(self, mutant: Mutant, budget: float, slow: bool = False) -> list[list[str]]:
-        """Tests to try, by file: those that reach the line, then others that use the file; none beyond the budget.
+        """Tests to try, by file: those that reach the line, then others that use the file; few that are long.
 
         If slow, the nearest files, for their slow tests.
         """
@@ -97,9 +97,11 @@ class Tests:
         if slow:
             return [[file] for file in sorted(reach, key=lambda name: -near[name])[:SLOW_FILES] if reach[file]]
         groups = []
+        # A test that takes half the budget leaves too little for others, unless it is all there is.
+        most = max(budget / 2, min((usual[test] for tests in reach.values() for test in tests), default=0.0))
         for wanted in (reach, {file: use[file] - reach[file] for file in use if reach[file]}):
             for file in sorted(wanted, key=lambda name: -near[name]):
-                if tests := sorted((t for t in wanted[file] if usual[t] < budget / 2), key=lambda t: usual[t]):
+                if tests := sorted((t for t in wanted[file] if usual[t] <= most), key=lambda t: usual[t]):
                     groups.append(tests)
         return groups
 
@@ -255,6 +257,7 @@ def main() -> None:
     parser.add_argument("--slow", action="store_true", help="with slow tests")
     parser.add_argument("--table", action="store_true", help="run nothing, write the table of what was run")
     parser.add_argument("--map", action="store_true", help="only see which tests run which lines")
+    parser.add_argument("--mapped", action="store_true", help="use the map of tests as far as it is made")
     parser.add_argument("--scratch", type=Path, default=Path(tempfile.gettempdir()) / "glazejax-mutation" / "tree")
     add_option(parser)
     options = parser.parse_args()
@@ -268,7 +271,8 @@ def main() -> None:
         sys.dont_write_bytecode = True
         prepare(options.core)
         tests = Tests.read(scratch)
-        tests.make(until)
+        if not options.mapped:
+            tests.make(until)
         stamp = 1_000_000_000 + len(tried(scratch)) * 1000
         for number, mutant in enumerate(() if options.map else waiting(options, scratch)):
             if time.time() > until:

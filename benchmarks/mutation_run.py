@@ -203,7 +203,7 @@ def _listen(
             continue
         if not (piece := os.read(pipe, 1 << 16)):
             # A child that ends before it says so has crashed.
-            return ("passed" if done else "killed"), now or "crash", ended
+            return ("passed", "", ended) if done else ("killed", now or "crash", ended)
         kept += piece
         *lines, kept = kept.split(b"\n")
         for line in lines:
