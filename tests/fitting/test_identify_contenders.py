@@ -4,6 +4,7 @@ import json
 from dataclasses import fields, replace
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.optimize import minimize
@@ -12,9 +13,10 @@ from glazefit.film.errors import Discrepancy, Prior
 from glazefit.film.films import Instrument, Noise
 from glazefit.film.response import film_response
 from glazefit.identify.bands import expected_bands
-from glazefit.identify.contenders import LEAST_SHARE, Contenders, find_contenders
+from glazefit.identify.contenders import LEAST_SHARE, Contenders, _screen, find_contenders
 from glazefit.identify.filing import Filing
 from glazefit.identify.result import NOBODY, Identification
+from glazefit.identify.screen import Paints
 from glazefit.identify.task import check_spectra
 from glazejax import Glaze, Hemispherical, Layer, Mixture, colour, reflectance
 from tests.fitting.palette import GRID, palette
@@ -132,6 +134,30 @@ def test_a_film_of_one_paint_alone(looked):
     alone = near.members[:, [1, 3, 4]]
     assert (alone[..., 1:] == NOBODY).all()
     assert (near.fractions[:, [1, 3, 4], 0] == 1).all()
+
+
+def test_partners_are_chosen_by_the_misfit_of_the_mixtures():
+    """The screening's least misfits, and where they are, against films mixed and compared one by one."""
+    response = film_response(SPHERE, 1.5)
+    k, s = (np.stack([25e-6 * np.asarray(getattr(p, what)) for p in PAINTS]) for what in ("absorption", "scattering"))
+    partners = np.array([[other for other in range(len(NAMES)) if other != paint] for paint in range(len(NAMES))])
+    total, share = np.array([0.3, 1.0, 1.0, 3.0]), np.array([0.1, 0.1, 0.6, 0.9])
+    rng = np.random.default_rng(5)
+    target = np.stack([film({"Red": 0.1, "White": 0.9}, 30e-6), film({"Blue": 0.3, "Yellow": 0.7}, 15e-6)])
+    target = target.reshape(2, -1) - 0.04
+    white = np.eye(target.shape[1]) + 0.1 * rng.standard_normal((2, target.shape[1], target.shape[1]))
+    ground = np.stack([GROUNDS, 0.8 * GROUNDS])
+    wanted = np.einsum("srt,st->sr", white, target)
+    given = (jnp.asarray(a) for a in (partners, total, share, ground, wanted, white))
+    least, where = _screen(response, Paints(jnp.asarray(k), jnp.asarray(s)), *given)
+    for paint in range(len(NAMES)):
+        for place, other in enumerate(partners[paint]):
+            mixed = [total[:, None] * (share[:, None] * v[paint] + (1 - share[:, None]) * v[other]) for v in (k, s)]
+            for row in range(2):
+                body = np.asarray(response.body(*(m[:, None] for m in mixed), ground[row])).reshape(4, -1)
+                cost = np.sum(((target[row] - body) @ white[row].T) ** 2, axis=-1)
+                assert float(least[paint, row, place]) == pytest.approx(cost.min(), rel=1e-6)
+                assert int(where[paint, row, place]) == cost.argmin()
 
 
 def test_bands_lose_what_a_fit_takes_away():

@@ -24,7 +24,7 @@ from glazefit.posterior.laplace import climb, find_modes, laplace
 from glazefit.posterior.problem import log_probability, uniform_residual
 from glazefit.posterior.report import unsettled
 from glazefit.posterior.summary import Numbers, compare
-from glazejax import Hemispherical, Pigment
+from glazejax import Glaze, Hemispherical, Layer, Pigment, reflectance
 
 GRID = np.arange(400.0, 701.0, 20.0)
 INSTRUMENT, NOISE = Instrument(), Noise()
@@ -157,6 +157,20 @@ def test_prior_is_what_the_log_probability_says():
         expected = density @ function(grid)
         assert values.mean() == pytest.approx(expected, abs=5 * values.std() / np.sqrt(len(values)) + 0.02)
     np.testing.assert_allclose(np.cov(draws, rowvar=False), prior_covariance(), rtol=0.03, atol=0.2)
+
+
+def test_a_band_reads_what_its_film_does():
+    """Fitted readings and derived quantities at the truth, of a film made by the forward package."""
+    k, s = 0.7, 2.5
+    films = uniform_film(k, s)
+    problem = pose_bands(readings(films, INSTRUMENT, NOISE)[0], 1.0, INSTRUMENT)
+    free = jnp.log(jnp.asarray([k / s, s]))
+    band = jax.tree.map(lambda a: a[3], problem.data)
+    medium = paint("x", k / 2e-5, s / 2e-5)
+    exact = [reflectance(Glaze([Layer(medium, 2e-5)], g), Hemispherical(8.0))[3] for g in np.asarray(band.ground)]
+    np.testing.assert_allclose(problem.fitted(free, band, problem.shared), exact, atol=1e-4)
+    found = {quantity.name: float(quantity.values(np.asarray(free))) for quantity in problem.quantities}
+    assert found == pytest.approx({"absorption": k, "scattering": s, "ratio": k / s})
 
 
 def test_prior_of_films_is_what_the_log_probability_says():
