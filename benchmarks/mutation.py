@@ -3,8 +3,8 @@
 python -m benchmarks.mutation [MODULE...] [--count N] [--seed S] [--seconds T] [--budget T] [--again] [--table]
 
 MODULE is a folder or file of glazejax or glazefit: io, colour, film/errors. A random sample of sites, evenly over the
-modules, gets one change each. Tests whose lines reach the changed line run first, those of the file that is nearest
-(whose lines lie most in the changed file) before others, then other tests of these files that use the changed file.
+modules, gets one change each. Tests whose lines reach the changed line run first, those of the files that are nearest
+(whose lines lie most in the changed file) before others; other tests of these files that use the changed file follow.
 The first failure kills; so do a crash and a test that does not end. What lives after --budget seconds of processor
 time has survived.
 
@@ -14,6 +14,7 @@ mutants that change nothing that a user could see, with the reason.
 """
 
 import argparse
+import ast
 import itertools
 import json
 import math
@@ -36,8 +37,8 @@ JUDGED = Path(__file__).with_name("mutation_equivalent.tsv")
 LEFT_OUT = ("test_architecture", "test_readme", "test_plots", "test_extras", "test_samples", "appearance/")
 """Tests that read the source itself, draw, start programs, or lie in a room of their own."""
 
-SLOW_FILES = 2
-"""Test files whose slow tests are tried."""
+NEAREST = 2
+"""Test files of which all tests that use a changed file are tried before others, and the slow ones if asked."""
 
 
 @dataclass
@@ -80,30 +81,36 @@ class Tests:
 
         If slow, the nearest files, for their slow tests.
         """
-        usual = self.usual
+        usual, inside = self.usual, in_functions((self.scratch / mutant.file).read_text())
         near: dict[str, float] = {}
         reach: dict[str, set[str]] = {}
         use: dict[str, set[str]] = {}
         for file, entry in self.files.items():
-            lines = entry["lines"].get(mutant.file)
-            if not lines:
-                continue
-            near[file] = len(lines) / sum(map(len, entry["lines"].values()))
-            reach[file] = set(lines.get(str(mutant.line), ()))
-            use[file] = {test for tests in lines.values() for test in tests}
-        # A line that runs on import only reaches whatever uses its file; so does one that a tracer has seen once.
+            # What runs on import tells nothing of a test.
+            lines = {int(at): tests for at, tests in entry["lines"].get(mutant.file, {}).items() if int(at) in inside}
+            if lines:
+                near[file] = len(lines) / sum(map(len, entry["lines"].values()))
+                reach[file] = set(lines.get(mutant.line, ()))
+                use[file] = {test for tests in lines.values() for test in tests}
         if not any(reach.values()):
             reach = use
+        order = sorted((file for file in reach if reach[file]), key=lambda file: -near[file])
         if slow:
-            return [[file] for file in sorted(reach, key=lambda name: -near[name])[:SLOW_FILES] if reach[file]]
-        groups = []
+            return [[file] for file in order[:NEAREST]]
         # A test that takes half the budget leaves too little for others, unless it is all there is.
-        most = max(budget / 2, min((usual[test] for tests in reach.values() for test in tests), default=0.0))
-        for wanted in (reach, {file: use[file] - reach[file] for file in use if reach[file]}):
-            for file in sorted(wanted, key=lambda name: -near[name]):
-                if tests := sorted((t for t in wanted[file] if usual[t] <= most), key=lambda t: usual[t]):
-                    groups.append(tests)
-        return groups
+        most = max(budget / 2, min((usual[test] for file in order for test in reach[file]), default=0.0))
+        # A tracer sees a line for the first test only; others of the file may depend on it.
+        rest = {file: use[file] - reach[file] for file in order}
+        both = [tests for file in order[:NEAREST] for tests in (reach[file], rest[file])]
+        chosen = [*both, *(reach[file] for file in order[NEAREST:]), *(rest[file] for file in order[NEAREST:])]
+        short = [sorted((t for t in tests if usual[t] <= most), key=lambda t: usual[t]) for tests in chosen]
+        return [tests for tests in short if tests]
+
+
+def in_functions(source: str) -> set[int]:
+    """Lines that run when a function is called."""
+    functions = (node for node in ast.walk(ast.parse(source)) if isinstance(node, ast.FunctionDef))
+    return {line for each in functions for line in range(each.body[0].lineno, (each.end_lineno or 0) + 1)}
 
 
 def copy_tree(scratch: Path) -> None:
