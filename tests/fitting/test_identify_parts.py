@@ -10,6 +10,7 @@ from scipy.stats import multivariate_normal
 
 from glazefit.film.errors import (
     Discrepancy,
+    Prior,
     coefficient_covariance,
     coefficient_errors,
     model_covariance,
@@ -91,6 +92,40 @@ def test_a_discrepancy_out_of_range_is_named(wrong):
     (name,) = wrong
     with pytest.raises(ValueError, match=f"the discrepancy's {name} is .*; it must be"):
         Discrepancy(**wrong)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"scales": (1.0,), "weights": (0.5, 0.5)},
+        {"scales": (1.0, 2.0), "weights": (1.0,)},
+        {"scales": (), "weights": ()},
+        {"scales": (1.0, 2.0), "weights": (1.5, -0.5)},
+        {"scales": (0.0,), "weights": (1.0,)},
+    ],
+)
+def test_scales_and_weights_go_in_pairs(wrong):
+    with pytest.raises(ValueError, match="as many weights as scales, all positive"):
+        Discrepancy(**wrong)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"thickness": 0.0}, "usual thickness of 0 m"),
+        ({"thickness": 0.02}, "usual thickness of 0.02 m"),
+        ({"spread": 0.0}, "must be positive"),
+        ({"concentration": -1.0}, "must be positive"),
+        ({"sizes": (0.5, 0.5, 0.0)}, "must be positive"),
+        ({"unknown": 1.0}, "between 0 and 1"),
+        ({"stacked": 0.0}, "between 0 and 1"),
+        ({"extender": 1.5}, "between 0 and 1"),
+    ],
+)
+def test_what_cannot_be_expected_is_named(wrong, words):
+    with pytest.raises(ValueError, match=words):
+        Prior(**wrong)
+    assert Prior(thickness=0.01, extender=1.0).extender == 1.0
 
 
 def test_prior_of_fractions_and_thickness_integrates_to_one():
