@@ -177,6 +177,33 @@ def test_bands_lose_what_a_fit_takes_away():
     assert kept["free"] == pytest.approx(count - 3, abs=0.1)
 
 
+@pytest.mark.parametrize("level", [0.0, 0.05])
+def test_bands_are_what_a_linear_fit_of_the_amounts_leaves(level: float):
+    """Covariance less what generalised least squares explains, with slopes by finite differences."""
+    thickness, amounts = 30e-6, np.array([0.9, 0.1])
+    spectra = film({"White": 0.9, "Red": 0.1}, thickness)[None]
+    found = explained(spectra, ["White", "Red"], amounts.tolist(), thickness)
+    k, s = (
+        np.stack([thickness * np.asarray(getattr(PAINTS[NAMES.index(name)], what)) for name in ("White", "Red")])
+        for what in ("absorption", "scattering")
+    )
+    response = film_response(SPHERE, 1.5)
+    body = jax.jit(lambda *film: response.body(*film))
+
+    def read(log_k: np.ndarray, log_s: np.ndarray) -> np.ndarray:
+        return np.asarray(body((amounts * np.exp(log_k)) @ k, (amounts * np.exp(log_s)) @ s, GROUNDS)).ravel()
+
+    steps, nothing = 1e-4 * np.eye(2), np.zeros(2)
+    by_k = np.stack([read(step, nothing) - read(-step, nothing) for step in steps], axis=-1) / 2e-4
+    by_s = np.stack([read(nothing, step) - read(nothing, -step) for step in steps], axis=-1) / 2e-4
+    covariance = np.diag(found.measured.noise_sd.ravel() ** 2) + level**2 * (by_k @ by_k.T + by_s @ by_s.T)
+    lever = by_k + by_s
+    solved = np.linalg.solve(covariance, lever)
+    left = covariance - lever @ np.linalg.solve(lever.T @ solved, lever.T)
+    band = expected_bands(found, PAINTS, INSTRUMENT, prior=Prior(), discrepancy=replace(NEAT, level=level))
+    np.testing.assert_allclose(band[0, 0].ravel(), 1.6448536 * np.sqrt(np.diagonal(left)), rtol=0.01)
+
+
 def test_bands_hold_the_errors_that_are_stated():
     spectra = film({"Red": 0.1, "White": 0.9}, 30e-6)[None]
     found = explained(spectra, ["White", "Red"], [0.9, 0.1], 30e-6)

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from benchmarks.shades import ShadeLibrary
-from scipy.special import logsumexp
+from scipy.special import gamma, kv, logsumexp
 from scipy.stats import multivariate_normal
 
 from glazefit.film.errors import (
@@ -17,6 +17,7 @@ from glazefit.film.errors import (
     model_errors,
     noise_covariance,
     relative_errors,
+    smooth_kernel,
     whiten,
 )
 from glazefit.film.least_squares import inverse_small
@@ -67,6 +68,16 @@ def test_errors_of_coefficients_are_the_pigments_own_and_some_more():
     moved = np.einsum("nep,ep->np", np.concatenate([errors, errors], axis=-1), slopes)
     sd = np.sqrt(np.diagonal(covariance))
     np.testing.assert_allclose(np.cov(moved.T) / np.outer(sd, sd), covariance / np.outer(sd, sd), atol=0.03)
+
+
+def test_errors_at_two_wavelengths_go_together_as_materns():
+    """Order 3/2, by its definition with a Bessel function; one at no distance, and less the farther apart."""
+    grid = np.array([400.0, 410.0, 450.0, 700.0])
+    d = np.sqrt(3.0) * np.abs(grid[:, None] - grid)[np.triu_indices(4, 1)] / 80.0
+    kernel = smooth_kernel(grid, 80.0)
+    np.testing.assert_allclose(kernel[np.triu_indices(4, 1)], 2.0**-0.5 / gamma(1.5) * d**1.5 * kv(1.5, d))
+    np.testing.assert_array_equal(np.diagonal(kernel), 1.0)
+    np.testing.assert_array_equal(kernel, kernel.T)
 
 
 def test_random_errors_of_the_model_have_its_covariance():

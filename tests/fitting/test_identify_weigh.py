@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from glazefit.film.errors import Prior
-from glazefit.identify.result import NOBODY, Pool
+from glazefit.identify.result import NOBODY, Candidate, Pool
 from glazefit.identify.task import Measured
 from glazefit.identify.weigh import odds_of, weigh
 
@@ -99,6 +99,33 @@ def test_a_paint_earns_its_place(earned: float, off: float, condition: tuple[int
 def test_a_set_of_other_paints_takes_no_ones_place():
     odds, _, _, _ = odds_of(film(), pool([[2], [0, 1]], [0.3, 0.3], [0.0, 1.0]), Prior())
     assert int(odds[0].argmax()) == 1
+
+
+def candidate(fractions: Sequence[float], coats: tuple[int, ...], condition: str = "") -> Candidate:
+    shares, nothing = np.array(fractions), np.zeros((len(fractions), 2))
+    curve = np.zeros((1, GRID.size))
+    return Candidate(
+        ("A", "B", "C")[: len(fractions)], shares, shares, nothing, shares, nothing, coats, 25e-6, 1e-6, nothing[0],
+        0.9, condition, 1.0, curve, curve, 0.0, 0.0, 0.0,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("fractions", "coats", "condition", "words"),
+    [
+        ([1.0], (0,), "", "A"),
+        ([1.0], (0,), "over a light ground", "A, over a light ground"),
+        ([0.9, 0.1], (0, 0), "", "90 % A + 10 % B"),
+        ([0.955, 0.045], (0, 0), "", "95.5 % A + 4.5 % B"),
+        ([0.9955, 0.0045], (0, 0), "", "99.55 % A + 0.45 % B"),
+        ([0.3, 0.7], (0, 1), "", "30 % A over 70 % B"),
+        ([0.2, 0.3, 0.5], (0, 0, 1), "under a varnish", "(20 % A + 30 % B) over 50 % C, under a varnish"),
+    ],
+)
+def test_words_of_an_explanation(fractions, coats, condition, words):
+    found = candidate(fractions, coats, condition)
+    assert found.words == words
+    assert found.mixture == words.removesuffix(f", {condition}")
 
 
 def test_probabilities_of_paints_are_those_of_the_sets_they_are_in():
