@@ -142,8 +142,10 @@ def judged() -> dict[str, str]:
     return {"\t".join(row[:3]): row[3] for row in rows}
 
 
-def attempt(scratch: Path, tests: Tests, mutant: Mutant, budget: float, stamp: int, slow: bool) -> dict[str, Any]:
-    """Write the mutant into the scratch copy, run its tests, and take it out again."""
+def attempt(
+    scratch: Path, tests: Tests, mutant: Mutant, budget: float, stamp: int, slow: bool, before: list[dict[str, Any]]
+) -> dict[str, Any]:
+    """Write the mutant into the scratch copy, run tests that it has not passed before, and take it out again."""
     from benchmarks.mutation_run import run_tests
 
     path = scratch / mutant.file
@@ -153,6 +155,8 @@ def attempt(scratch: Path, tests: Tests, mutant: Mutant, budget: float, stamp: i
         raise ValueError(f"{mutant.file} has changed: no {mutant.operator} at {mutant.code}")
     kept = path.stat()
     groups, usual = tests.of(mutant, budget, slow), None if slow else tests.usual
+    passed = {test for trial in before for test in trial.get("passed", ())}
+    groups = [left for tests_of_one in groups if (left := [test for test in tests_of_one if test not in passed])]
     begun = time.monotonic()
     try:
         path.write_text(text)
@@ -167,8 +171,9 @@ def attempt(scratch: Path, tests: Tests, mutant: Mutant, budget: float, stamp: i
         "slow": slow,
         "outcome": outcome,
         "by": by,
-        "tests": len(ended),
-        "of": sum(map(len, groups)),
+        "passed": sorted(test for test, _ in ended if test != by),
+        "tests": len(passed) + len(ended),
+        "of": len(passed) + sum(map(len, groups)),
         "seconds": round(time.monotonic() - begun, 1),
     }
 
@@ -280,11 +285,14 @@ def main() -> None:
         tests = Tests.read(scratch)
         if not options.mapped:
             tests.make(until)
-        stamp = 1_000_000_000 + len(tried(scratch)) * 1000
+        done = tried(scratch)
+        stamp = 1_000_000_000 + len(done) * 1000
         for number, mutant in enumerate(() if options.map else waiting(options, scratch)):
             if time.time() > until:
                 break
-            trial = attempt(scratch, tests, mutant, options.budget, stamp + number, options.slow)
+            trial = attempt(
+                scratch, tests, mutant, options.budget, stamp + number, options.slow, done.get(mutant.key, [])
+            )
             with scratch.with_suffix(".jsonl").open("a") as log:
                 log.write(json.dumps(trial) + "\n")
             print(
