@@ -20,7 +20,7 @@ from glazefit.film.reading import readings
 from glazefit.posterior.bands import join_bands, pose_bands, prior_covariance, prior_draws
 from glazefit.posterior.film import pose_films
 from glazefit.posterior.film_errors import pose_errors
-from glazefit.posterior.laplace import climb, find_modes, laplace
+from glazefit.posterior.laplace import _distinct, climb, find_modes, laplace
 from glazefit.posterior.problem import log_probability, uniform_residual
 from glazefit.posterior.report import unsettled
 from glazefit.posterior.summary import Numbers, compare
@@ -137,6 +137,8 @@ def test_how_laplace_fails_is_named():
     assert words(np.exp(normal), 1 + normal) == "skewed"
     assert words(np.where(normal > 0, 3 + normal, -3 + normal), 3 + normal, many=True) == "two modes"
     assert words(np.abs(0.01 * normal), 0.02 + 0.01 * normal, share=True) == "against a bound"
+    # The fraction of a film's only paint.
+    assert words(np.ones(100), np.ones(100), share=True) == "agrees"
 
 
 def test_prior_is_what_the_log_probability_says():
@@ -291,6 +293,14 @@ def test_two_solutions_are_two_modes():
 def far_away(free, data, shared):
     """Residuals whose least sum of squares is at infinity: no number of steps gets there."""
     return jnp.exp(-free) * data
+
+
+def test_modes_are_apart_and_not_hopelessly_lower():
+    """Of starts that end at the same place the best counts; what is e^20 times less likely, or no number, does not."""
+    found = np.array([[[0.0, 0.0], [0.0, 1e-3], [3.0, 0.0], [-3.0, 0.0], [0.0, 9.0], [9.0, 9.0]]])
+    height = np.array([[0.0, -0.1, -5.0, -25.0, np.nan, -np.inf]])
+    chosen, real = _distinct(found, np.broadcast_to(0.04 * np.eye(2), (1, 6, 2, 2)), height)
+    assert chosen[0][real[0]].tolist() == [0, 2]
 
 
 def test_least_squares_that_did_not_settle_is_said(banded):
