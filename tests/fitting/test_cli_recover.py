@@ -6,6 +6,7 @@ import pytest
 
 import glazejax.commands.main
 from glazefit import Films, Instrument, Noise, recover_films, simulate_films
+from glazefit.recover.command_joint import _lengths
 from glazefit.recover.film_by_film import recover_chunks
 from glazefit.recover.report import ranges, slug
 from glazejax.commands.main import main
@@ -298,6 +299,12 @@ def test_own_tubes_go_into_one_file(run, tmp_path, tubes):
     assert status == 0
     assert "(replaced: Red)" in out
     assert list(read_pigments(tmp_path / "mine.csv")) == ["Blue", "ZincWhite", "Red"]
+
+
+def test_thicknesses_in_words():
+    """To two digits; a range only where there is one."""
+    assert _lengths(np.array([20e-6, 20.01e-6])) == "20 µm"
+    assert _lengths(np.array([18e-6, 31.2e-6, 25e-6])) == "18 µm to 31 µm"
 
 
 def test_gauged_films_have_a_scale_of_their_own(run, tmp_path, tubes):

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 
 from glazefit import (
     FilmPrior,
@@ -20,7 +21,7 @@ from glazefit.film.reading import readings
 from glazefit.posterior.bands import join_bands, pose_bands, prior_covariance, prior_draws
 from glazefit.posterior.film import pose_films
 from glazefit.posterior.film_errors import pose_errors
-from glazefit.posterior.laplace import _distinct, climb, find_modes, laplace
+from glazefit.posterior.laplace import Laplace, _distinct, climb, find_modes, laplace
 from glazefit.posterior.problem import log_probability, uniform_residual
 from glazefit.posterior.report import unsettled
 from glazefit.posterior.summary import Numbers, compare
@@ -293,6 +294,36 @@ def test_two_solutions_are_two_modes():
 def far_away(free, data, shared):
     """Residuals whose least sum of squares is at infinity: no number of steps gets there."""
     return jnp.exp(-free) * data
+
+
+def test_gaussians_of_laplace_have_the_density_of_their_mixture():
+    rng = np.random.default_rng(6)
+    modes = rng.standard_normal((2, 2, 3))
+    roots = rng.standard_normal((2, 2, 3, 3))
+    covariances = roots @ np.swapaxes(roots, -1, -2) + 0.5 * np.eye(3)
+    weights = np.array([[0.3, 0.7], [1.0, 0.0]])
+    found = Laplace(
+        modes, covariances, weights, np.array([0.1, 0.9]), np.empty((0, 2, 3)), np.array([[True, True], [True, False]])
+    )
+    points = rng.standard_normal((5, 2, 3))
+    for block in range(2):
+        exact = sum(
+            w * multivariate_normal(m, c).pdf(points[:, block])
+            for w, m, c in zip(weights[block], modes[block], covariances[block], strict=True)
+        )
+        off = found.log_density(points)[:, block] - np.log(exact)
+        np.testing.assert_allclose(off, 1.5 * np.log(2 * np.pi), rtol=1e-9)
+    drawn = found.draws(40_000, rng)
+    mean = np.einsum("bm,bmd->bd", weights, modes)
+    np.testing.assert_allclose(drawn.mean(axis=0), mean, atol=0.05)
+    between = np.einsum("bm,bmi,bmj->bij", weights, modes - mean[:, None], modes - mean[:, None])
+    for block in range(2):
+        spread = (weights[block][:, None, None] * covariances[block]).sum(axis=0) + between[block]
+        np.testing.assert_allclose(np.cov(drawn[:, block].T), spread, atol=0.05 * spread.max())
+    # A mode without probability need not have settled; a second one counts from a hundredth.
+    assert found.converged.tolist() == [True, True]
+    assert found.trusted.tolist() == [True, False]
+    assert found.many.tolist() == [True, False]
 
 
 def test_modes_are_apart_and_not_hopelessly_lower():
