@@ -11,7 +11,7 @@ from glazefit.recipe.choose import Scored, packed, roundings, select
 from glazefit.recipe.model import Optics, empty_slots, fill_slots, make_model, readings
 from glazefit.recipe.refine import colour_metric, refine
 from glazefit.recipe.report import print_best, print_recipes
-from glazefit.recipe.screen import Stacks, TargetArrays
+from glazefit.recipe.screen import Stacks, TargetArrays, _sensible
 from glazefit.recipe.targets import colourchecker_targets, lab_target, spectral_target, srgb_target
 from glazejax import Bidirectional, colour
 
@@ -149,6 +149,15 @@ def test_targets_of_a_chart():
 def test_bad_targets_are_refused(make, match):
     with pytest.raises(ValueError, match=match):
         make()
+
+
+def test_no_paint_lies_over_itself_and_no_more_paints_than_allowed():
+    single, pair = np.array([[0], [1], [2]]), np.array([[0, 1], [0, 2]])
+    assert _sensible(single, single, 2).tolist() == [[False, True, True], [True, False, True], [True, True, False]]
+    assert not _sensible(single, single, 1).any()
+    assert _sensible(pair, single, 2).tolist() == [[True, True, False], [True, False, True]]
+    assert _sensible(single, pair, 2).tolist() == [[True, True], [True, False], [False, True]]
+    assert _sensible(pair, pair, 3).tolist() == [[False, True], [True, False]]
 
 
 def scored(paints: dict[int, float], delta_e: float, coat: int = 0) -> Scored:
