@@ -76,6 +76,14 @@ def test_what_the_noise_explains_is_no_misfit():
     assert none_to_one(2.0) > 5.0 * none_to_one(2.0, noise=0.02)
 
 
+def test_a_fit_without_any_residual_is_as_good_as_one_of_a_tenth():
+    """Nothing of a film is known so well; the misfit stays a number whose logarithm counts."""
+    for misfit in (0.0, 0.05, 0.1):
+        _, none, met, _ = odds_of(film(), pool([[0]], [misfit], [0.0]), Prior())
+        assert float(met[0]) == pytest.approx(0.1)
+        assert 0.0 < float(none[0]) < 0.01
+
+
 def test_evidence_ranks_candidates_that_look_alike():
     """Below what is seen only the evidence counts: its ratio is that of the probabilities."""
     odds, _, _, _ = odds_of(film(), pool([[0], [1]], [0.2, 0.9], [0.0, np.log(3.0)]), Prior())
