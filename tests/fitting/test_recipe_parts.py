@@ -186,6 +186,9 @@ def test_recipes_that_are_chosen_differ_and_add_nothing_in_vain():
     # Of another simplicity the trace earns its place, and with much of it the paint alone comes first.
     assert names(select(pool, 4, 0.05))[1] == ({0, 2}, 1.9)
     assert names(select(pool, 4, 1.0))[0] == ({0}, 2.0)
+    # Two paints more that do bring it nearer are worth a place, though their price puts them behind.
+    richer = scored({0: 5.0, 1: 1.0, 2: 1.0}, 1.65)
+    assert names(select([alone, richer, other], 2, 0.3)) == [({0}, 2.0), ({0, 1, 2}, 1.65)]
     # What is in gamut comes first, whatever it takes; the order of coats is a difference.
     best = scored({0: 1.0, 1: 1.0, 2: 1.0}, 0.9)
     assert names(select([*pool, best], 1, 0.3)) == [({0, 1, 2}, 0.9)]
