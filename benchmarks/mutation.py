@@ -221,7 +221,7 @@ def table(results: Results, scratch: Path, rooms: list[str], seed: int, budget: 
     results("Fast tests only: those that reach the line, nearest file first, then others of these files that use the")
     results(f"changed file, for at most {budget:.0f} s of processor time. Left out: files that draw and word (plots,")
     results("page, report), words of errors, annotations, decorators. Share: killed of those that are not equivalent,")
-    results("with its 95 % interval.")
+    results("with its 95 % interval. Survivors were tried again, with tests written since and with longer ones.")
     results("")
     results(f"{'':12s} mutants  equivalent  killed at first  share  killed now  survive  share  interval")
     total = [sum(column) for column in zip(*rows.values(), strict=True)]

@@ -32,11 +32,6 @@ from .task import IdentificationTask, check_pigments, check_spectra, hiding
 from .untold import search_untold
 from .weigh import weigh
 
-# Candidates whose colour is compared with the film's.
-_LOOKED_AT = 40
-# Delta E00 for a residual's root mean square of 1, in the middle of the films that were left out.
-_COLOUR_OF_RMSE = 130.0
-
 
 def identify_chunks(
     spectra: ArrayLike,
