@@ -101,7 +101,9 @@ def test_perfect_diffuser_is_white(lamp, observer):
 @pytest.mark.parametrize("lamp", LAMPS)
 def test_lab_is_that_of_colour(lamp, observer):
     grid = np.arange(380, 781, 10.0)
-    spectra = np.concatenate([paints(grid), [np.full(41, 1e-3), np.zeros(41)]])
+    # The curve turns into a line at 216/24389: greys below, between it and its neighbours, and above.
+    dark = [np.full(41, level) for level in (0.0, 1e-3, 7e-3, 8.8e-3, 8.9e-3, 1.5e-2)]
+    spectra = np.concatenate([paints(grid), dark])
     kwargs = {"illuminant": lamp, "observer": observer}
     values = gc.xyz(grid, spectra, **kwargs)
     white = colour.XYZ_to_xy(gc.white_point(grid, lamp, observer))

@@ -18,6 +18,7 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+import glazefit
 import glazejax.commands.main
 from glazejax import Bidirectional, Hemispherical
 from glazejax.commands.main import make_app
@@ -338,6 +339,22 @@ def test_the_computation_gets_what_the_option_says(reach, command: str, option: 
         assert entry.found(without.given) != entry.expected
     else:
         assert entry.engine or base.strip() != USUAL[command], "without the option the command does not run"
+
+
+@pytest.mark.parametrize(
+    ("command", "function", "names"),
+    [
+        ("identify", glazefit.identify, {"max_paints", "layers"}),
+        ("posterior", glazefit.posterior_of_film, {"steps", "walkers", "thin", "seed", "resume", "overwrite"}),
+        ("recipe", glazefit.find_recipes, {"refractive_index", "test_illuminant", "max_paints", "max_layers", "count",
+                                           "metamerism", "seed", "thickness"}),
+    ],
+)  # fmt: skip
+def test_defaults_of_a_command_are_those_of_its_function(reach, command: str, function: Callable, names: set[str]):
+    usual = inspect.signature(function).parameters
+    reached = reach(command, USUAL[command])
+    assert reached is not None
+    assert {name: reached.given[name] for name in names} == {name: usual[name].default for name in names}
 
 
 @pytest.mark.parametrize(("command", "option", "entry"), entries(Looked))

@@ -6,6 +6,7 @@ import pytest
 
 import glazejax.commands.main
 from glazefit import Films, Instrument, Noise, recover_films, simulate_films
+from glazefit.recover.command_joint import _lengths
 from glazefit.recover.film_by_film import recover_chunks
 from glazefit.recover.report import ranges, slug
 from glazejax.commands.main import main
@@ -134,6 +135,11 @@ def test_bad_input_is_one_line_and_status_2(run, tmp_path, films):
         ([good, "--out", "o", "--thickness", "0"], ["--thickness is 0", "above 0"]),
         ([good, "--out", "o", "--masstones"], ["--names"]),
         ([good, "--out", "o", "--noise", "-1"], ["noise", "-1"]),
+        (["nowhere.tsv", "--out", "o", "--check"], ["--check leaves mixtures out of a joint fit", "add --joint"]),
+        (["nowhere.tsv", "--out", "o", "--joint", "--check"], ["nowhere.tsv", "no such file"]),
+        (["nowhere.tsv", "--out", "o", "--law", "strength"], ["--law says how", "add --joint"]),
+        (["nowhere.tsv", "--out", "o", "--joint", "--law", "x"], ["--law is 'x'; it must be mass or strength"]),
+        (["nowhere.tsv", "--out", "o", "--joint", "--masstones"], ["leave out --masstones"]),
         ([good, "--out", "o", "--refractive-index", "15"], ["refractive index 15", "[1, 2.5]"]),
         ([good, "--out", "o", "--incidence", "95"], ["incidence", "95"]),
         ([good, "--out", "o", "--geometry", "d:95"], ["--geometry is 'd:95'", "incidence"]),
@@ -294,6 +300,12 @@ def test_own_tubes_go_into_one_file(run, tmp_path, tubes):
     assert status == 0
     assert "(replaced: Red)" in out
     assert list(read_pigments(tmp_path / "mine.csv")) == ["Blue", "ZincWhite", "Red"]
+
+
+def test_thicknesses_in_words():
+    """To two digits; a range only where there is one."""
+    assert _lengths(np.array([20e-6, 20.01e-6])) == "20 µm"
+    assert _lengths(np.array([18e-6, 31.2e-6, 25e-6])) == "18 µm to 31 µm"
 
 
 def test_gauged_films_have_a_scale_of_their_own(run, tmp_path, tubes):

@@ -130,6 +130,11 @@ def test_films_check_what_they_are_given(write):
         dataclasses.replace(films, over_black=np.array([[0.1, np.nan, 0.2]]))
     with pytest.raises(ValueError, match="over_white has shape"):
         dataclasses.replace(films, over_white=np.ones((1, 2)))
+    # A white card that is as bright as the black one tells no more than one that is darker.
+    for white in (films.bare_black, 0.5 * films.bare_black):
+        with pytest.raises(ValueError, match="'A1' is not brighter than its bare black card"):
+            dataclasses.replace(films, bare_white=white)
+    dataclasses.replace(films, bare_white=1.001 * films.bare_black)
     twice = np.repeat(films.over_white, 2, axis=0)
     with pytest.raises(ValueError, match="two films are called 'A1'"):
         Films(("A1", "A1"), films.wavelengths, twice, twice, twice, twice)

@@ -4,6 +4,7 @@ import json
 from dataclasses import fields, replace
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.optimize import minimize
@@ -12,9 +13,10 @@ from glazefit.film.errors import Discrepancy, Prior
 from glazefit.film.films import Instrument, Noise
 from glazefit.film.response import film_response
 from glazefit.identify.bands import expected_bands
-from glazefit.identify.contenders import LEAST_SHARE, Contenders, find_contenders
+from glazefit.identify.contenders import LEAST_SHARE, Contenders, _screen, find_contenders
 from glazefit.identify.filing import Filing
 from glazefit.identify.result import NOBODY, Identification
+from glazefit.identify.screen import Paints
 from glazefit.identify.task import check_spectra
 from glazejax import Glaze, Hemispherical, Layer, Mixture, colour, reflectance
 from tests.fitting.palette import GRID, palette
@@ -134,6 +136,30 @@ def test_a_film_of_one_paint_alone(looked):
     assert (near.fractions[:, [1, 3, 4], 0] == 1).all()
 
 
+def test_partners_are_chosen_by_the_misfit_of_the_mixtures():
+    """The screening's least misfits, and where they are, against films mixed and compared one by one."""
+    response = film_response(SPHERE, 1.5)
+    k, s = (np.stack([25e-6 * np.asarray(getattr(p, what)) for p in PAINTS]) for what in ("absorption", "scattering"))
+    partners = np.array([[other for other in range(len(NAMES)) if other != paint] for paint in range(len(NAMES))])
+    total, share = np.array([0.3, 1.0, 1.0, 3.0]), np.array([0.1, 0.1, 0.6, 0.9])
+    rng = np.random.default_rng(5)
+    target = np.stack([film({"Red": 0.1, "White": 0.9}, 30e-6), film({"Blue": 0.3, "Yellow": 0.7}, 15e-6)])
+    target = target.reshape(2, -1) - 0.04
+    white = np.eye(target.shape[1]) + 0.1 * rng.standard_normal((2, target.shape[1], target.shape[1]))
+    ground = np.stack([GROUNDS, 0.8 * GROUNDS])
+    wanted = np.einsum("srt,st->sr", white, target)
+    given = (jnp.asarray(a) for a in (partners, total, share, ground, wanted, white))
+    least, where = _screen(response, Paints(jnp.asarray(k), jnp.asarray(s)), *given)
+    for paint in range(len(NAMES)):
+        for place, other in enumerate(partners[paint]):
+            mixed = [total[:, None] * (share[:, None] * v[paint] + (1 - share[:, None]) * v[other]) for v in (k, s)]
+            for row in range(2):
+                body = np.asarray(response.body(*(m[:, None] for m in mixed), ground[row])).reshape(4, -1)
+                cost = np.sum(((target[row] - body) @ white[row].T) ** 2, axis=-1)
+                assert float(least[paint, row, place]) == pytest.approx(cost.min(), rel=1e-6)
+                assert int(where[paint, row, place]) == cost.argmin()
+
+
 def test_bands_lose_what_a_fit_takes_away():
     """With noise alone the variance that is left adds up to the readings less the unknowns."""
     spectra = film({"Red": 0.1, "White": 0.9}, 30e-6)[None]
@@ -149,6 +175,33 @@ def test_bands_lose_what_a_fit_takes_away():
     kept = {name: np.sum((sd / noise) ** 2) for name, sd in half.items()}
     assert kept["known"] == pytest.approx(count - 2, abs=0.1)
     assert kept["free"] == pytest.approx(count - 3, abs=0.1)
+
+
+@pytest.mark.parametrize("level", [0.0, 0.05])
+def test_bands_are_what_a_linear_fit_of_the_amounts_leaves(level: float):
+    """Covariance less what generalised least squares explains, with slopes by finite differences."""
+    thickness, amounts = 30e-6, np.array([0.9, 0.1])
+    spectra = film({"White": 0.9, "Red": 0.1}, thickness)[None]
+    found = explained(spectra, ["White", "Red"], amounts.tolist(), thickness)
+    k, s = (
+        np.stack([thickness * np.asarray(getattr(PAINTS[NAMES.index(name)], what)) for name in ("White", "Red")])
+        for what in ("absorption", "scattering")
+    )
+    response = film_response(SPHERE, 1.5)
+    body = jax.jit(lambda *film: response.body(*film))
+
+    def read(log_k: np.ndarray, log_s: np.ndarray) -> np.ndarray:
+        return np.asarray(body((amounts * np.exp(log_k)) @ k, (amounts * np.exp(log_s)) @ s, GROUNDS)).ravel()
+
+    steps, nothing = 1e-4 * np.eye(2), np.zeros(2)
+    by_k = np.stack([read(step, nothing) - read(-step, nothing) for step in steps], axis=-1) / 2e-4
+    by_s = np.stack([read(nothing, step) - read(nothing, -step) for step in steps], axis=-1) / 2e-4
+    covariance = np.diag(found.measured.noise_sd.ravel() ** 2) + level**2 * (by_k @ by_k.T + by_s @ by_s.T)
+    lever = by_k + by_s
+    solved = np.linalg.solve(covariance, lever)
+    left = covariance - lever @ np.linalg.solve(lever.T @ solved, lever.T)
+    band = expected_bands(found, PAINTS, INSTRUMENT, prior=Prior(), discrepancy=replace(NEAT, level=level))
+    np.testing.assert_allclose(band[0, 0].ravel(), 1.6448536 * np.sqrt(np.diagonal(left)), rtol=0.01)
 
 
 def test_bands_hold_the_errors_that_are_stated():

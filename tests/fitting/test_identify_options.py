@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from glazefit import Discrepancy, Films, Identification, Instrument, Noise, Prior, identify, identify_films
+from glazefit.film.optics import Optics
 from glazefit.film.response import film_response
 from glazejax import Hemispherical, Pigment, catalogue
+from glazejax.radiative.common.fresnel import dielectric_reflectance
 
 MODULE = importlib.import_module("glazefit.identify.identify")
 GRID = np.arange(400.0, 701.0, 50.0)
@@ -55,10 +57,15 @@ def test_identify_films_hands_on_all_that_it_is_given(monkeypatch):
 
 
 @pytest.fixture(scope="module")
-def find():
-    """Identify one film of two paints over two grounds; options as given. All calls share their programs."""
+def paints() -> list[Pigment]:
+    """A white and a red of the catalogue."""
     known = catalogue.load()
-    paints = [known[name].resample(GRID) for name in ("ZincWhite", "Vermillion")]
+    return [known[name].resample(GRID) for name in ("ZincWhite", "Vermillion")]
+
+
+@pytest.fixture(scope="module")
+def find(paints):
+    """Identify one film of two paints over two grounds; options as given. All calls share their programs."""
     k, s = (25e-6 * np.asarray(getattr(paints[1], what)) for what in ("absorption", "scattering"))
     spectrum = 0.04 + np.asarray(film_response(Hemispherical()).body(k, s, GROUNDS))
 
@@ -94,6 +101,58 @@ def test_each_option_changes_what_it_should(find):
         vague = find(noise=Noise(30.0), prior=Prior(thickness=thickness))
         np.testing.assert_allclose(vague.amounts[0, :, 0], thickness, rtol=0.1)
     assert float(find(prior=Prior(unknown=0.9)).none[0]) >= float(find(prior=Prior(unknown=0.01)).none[0])
+
+
+@pytest.mark.parametrize("told", [True, False])
+def test_all_that_is_asked_for_stands_in_the_task(paints, monkeypatch, told: bool):
+    """What the search works with, for films over a ground and for films that hide it: no default is left."""
+
+    def stop(tasks, measured):
+        raise Reached({"task": tasks, "measured": measured})
+
+    monkeypatch.setattr(MODULE, "first_starts", stop)
+    monkeypatch.setattr(MODULE, "film_response", lambda *instrument: instrument)
+    seen_by, noise = Instrument(Hemispherical(30.0), 1.3), Noise(0.07, 0.03)
+    errors = Discrepancy(unstated=0.11, most=0.2, amplitude=0.013)
+    expected = Prior(thickness=40e-6, spread=0.6, unknown=0.2)
+    plain = [Pigment(p.name, GRID, p.absorption, p.scattering) for p in paints]
+    with pytest.raises(Reached) as reached:
+        identify(
+            np.full((1, 2, GRID.size), 0.4), GRID, plain, grounds=0.3 if told else None, instrument=seen_by,
+            noise=noise, discrepancy=errors, prior=expected, max_paints=2, layers=2 if told else 1, names=["leaf"],
+        )  # fmt: skip
+    task, measured = reached.value.given["task"], reached.value.given["measured"]
+    assert task.response == (Hemispherical(30.0), 1.3)
+    assert task.optics == Optics.of(Hemispherical(30.0), 1.3)
+    assert task.surface == pytest.approx(float(dielectric_reflectance(np.cos(np.deg2rad(30.0)), 1.3)))
+    assert task.noise == noise
+    assert task.discrepancy == errors
+    np.testing.assert_array_equal(task.errors, 0.11)
+    assert (task.max_paints, task.layers) == (2, 2 if told else 1)
+    assert task.prior.unknown == 0.2
+    # A film that hides its ground is thicker than any: there the thickness is set.
+    thickness = 40e-6 if told else task.prior.thickness
+    assert task.prior.thickness == thickness
+    assert told or thickness > 1e-4
+    np.testing.assert_allclose(task.paints.absorption[1], thickness * np.asarray(paints[1].absorption))
+    assert task.extenders.tolist() == MODULE.hardly_seen(plain, 40e-6).tolist()
+    assert measured.names == ("leaf",)
+    np.testing.assert_allclose(measured.noise_sd, 0.07 + 0.03 * 0.4)
+    np.testing.assert_allclose(measured.grounds, 0.3 if told else 0.5)
+
+
+@pytest.mark.slow  # a table for the instrument
+def test_a_film_is_computed_as_its_instrument_reads_it(paints):
+    """Index, geometry and surface of another instrument: the film is met, its thickness and gloss are right."""
+    seen_by = Instrument(Hemispherical(30.0), 1.3)
+    k, s = (25e-6 * np.asarray(getattr(paints[1], what)) for what in ("absorption", "scattering"))
+    surface = float(dielectric_reflectance(np.cos(np.deg2rad(30.0)), 1.3))
+    spectrum = surface + np.asarray(film_response(seen_by.geometry, 1.3).body(k, s, GROUNDS))
+    found = identify(spectrum[None], GRID, paints, grounds=GROUNDS, max_paints=1, instrument=seen_by)
+    assert found.ranked(0)[0].paints == ("Vermillion",)
+    assert float(found.amounts[0, 0, 0]) == pytest.approx(25e-6, rel=0.01)
+    assert float(found.gloss[0, 0]) == pytest.approx(1.0, abs=0.05)
+    np.testing.assert_allclose(found.fitted[0, 0], spectrum, atol=1e-3)
 
 
 def test_more_paints_are_tried_when_asked(find):

@@ -5,23 +5,25 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from benchmarks.shades import ShadeLibrary
-from scipy.special import logsumexp
+from scipy.special import gamma, kv, logsumexp
 from scipy.stats import multivariate_normal
 
 from glazefit.film.errors import (
     Discrepancy,
+    Prior,
     coefficient_covariance,
     coefficient_errors,
     model_covariance,
     model_errors,
     noise_covariance,
     relative_errors,
+    smooth_kernel,
     whiten,
 )
 from glazefit.film.least_squares import inverse_small
 from glazefit.film.response import film_response
 from glazefit.identify.fit import Weights, fit_sets, log_prior
-from glazefit.identify.screen import Paints, amounts_grid, grow, sets_of, unique_best
+from glazefit.identify.screen import Paints, WhitenedSpectra, amounts_grid, grow, score, screen, sets_of, unique_best
 from glazefit.identify.two_coats import orders
 from glazejax import Hemispherical, Pigment
 from glazejax.io import read_spectra
@@ -68,6 +70,16 @@ def test_errors_of_coefficients_are_the_pigments_own_and_some_more():
     np.testing.assert_allclose(np.cov(moved.T) / np.outer(sd, sd), covariance / np.outer(sd, sd), atol=0.03)
 
 
+def test_errors_at_two_wavelengths_go_together_as_materns():
+    """Order 3/2, by its definition with a Bessel function; one at no distance, and less the farther apart."""
+    grid = np.array([400.0, 410.0, 450.0, 700.0])
+    d = np.sqrt(3.0) * np.abs(grid[:, None] - grid)[np.triu_indices(4, 1)] / 80.0
+    kernel = smooth_kernel(grid, 80.0)
+    np.testing.assert_allclose(kernel[np.triu_indices(4, 1)], 2.0**-0.5 / gamma(1.5) * d**1.5 * kv(1.5, d))
+    np.testing.assert_array_equal(np.diagonal(kernel), 1.0)
+    np.testing.assert_array_equal(kernel, kernel.T)
+
+
 def test_random_errors_of_the_model_have_its_covariance():
     d = Discrepancy(scales=(1.0,), weights=(1.0,))
     errors = model_errors(np.random.default_rng(2), 40_000, 2, GRID, d).reshape(40_000, -1)
@@ -91,6 +103,40 @@ def test_a_discrepancy_out_of_range_is_named(wrong):
     (name,) = wrong
     with pytest.raises(ValueError, match=f"the discrepancy's {name} is .*; it must be"):
         Discrepancy(**wrong)
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"scales": (1.0,), "weights": (0.5, 0.5)},
+        {"scales": (1.0, 2.0), "weights": (1.0,)},
+        {"scales": (), "weights": ()},
+        {"scales": (1.0, 2.0), "weights": (1.5, -0.5)},
+        {"scales": (0.0,), "weights": (1.0,)},
+    ],
+)
+def test_scales_and_weights_go_in_pairs(wrong):
+    with pytest.raises(ValueError, match="as many weights as scales, all positive"):
+        Discrepancy(**wrong)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "words"),
+    [
+        ({"thickness": 0.0}, "usual thickness of 0 m"),
+        ({"thickness": 0.02}, "usual thickness of 0.02 m"),
+        ({"spread": 0.0}, "must be positive"),
+        ({"concentration": -1.0}, "must be positive"),
+        ({"sizes": (0.5, 0.5, 0.0)}, "must be positive"),
+        ({"unknown": 1.0}, "between 0 and 1"),
+        ({"stacked": 0.0}, "between 0 and 1"),
+        ({"extender": 1.5}, "between 0 and 1"),
+    ],
+)
+def test_what_cannot_be_expected_is_named(wrong, words):
+    with pytest.raises(ValueError, match=words):
+        Prior(**wrong)
+    assert Prior(thickness=0.01, extender=1.0).extender == 1.0
 
 
 def test_prior_of_fractions_and_thickness_integrates_to_one():
@@ -143,6 +189,54 @@ def _log_joint(logs, problem):
     total = jnp.log(jnp.sum(amounts))
     prior = -0.5 * (total / 0.7) ** 2 - np.log(0.7 * np.sqrt(2 * np.pi)) + jnp.sum(logs - total)
     return weights.height[0, 0] - 0.5 * misfit + prior
+
+
+def test_screening_finds_the_least_misfit_of_all_that_is_tried(problem):
+    """Both searches against films computed and compared one by one; errors that differ from reading to reading."""
+    response, paints, ground, _ = problem
+    ground = np.asarray(ground[0])
+    readings = ground.size
+    rng = np.random.default_rng(4)
+    white = np.tril(rng.uniform(1.0, 50.0, (readings, readings)))
+    target = np.stack([rng.uniform(0.05, 0.9, readings) for _ in range(2)]) @ white.T
+    sets, grid = np.array([[0, 1], [1, 0]]), rng.uniform(0.05, 2.0, (5, 2))
+    k, s = np.asarray(paints.absorption), np.asarray(paints.scattering)
+
+    def misfit(row: int, members: np.ndarray, amounts: np.ndarray, ground: np.ndarray) -> float:
+        film = np.asarray(response.body(amounts @ k[members], amounts @ s[members], ground)).ravel()
+        return float(np.sum((target[row] - white @ film) ** 2))
+
+    search = WhitenedSpectra(jnp.asarray(target), jnp.asarray(white), jnp.asarray(ground))
+    least, where = screen(response, paints, jnp.asarray(sets), jnp.asarray(grid), search)
+    grounds = np.stack([ground, 0.7 * ground])
+    tries = rng.uniform(0.05, 2.0, (2, 2, 4, 2))
+    given = (jnp.asarray(a) for a in (np.stack([sets, sets[::-1]]), tries, grounds, target, white))
+    own, place = score(response, paints, *given)
+    for row in range(2):
+        for n in range(2):
+            every = [misfit(row, sets[n], amounts, ground) for amounts in grid]
+            assert float(least[row, n]) == pytest.approx(min(every), rel=1e-9)
+            assert int(where[row, n]) == int(np.argmin(every))
+            every = [misfit(row, sets[::-1][n] if row else sets[n], amounts, grounds[row]) for amounts in tries[row, n]]
+            assert float(own[row, n]) == pytest.approx(min(every), rel=1e-9)
+            assert int(place[row, n]) == int(np.argmin(every))
+
+
+def test_what_grows_keeps_its_pair_and_tries_some_of_the_third():
+    pairs = np.array([[[0, 2], [1, 3]], [[2, 3], [0, 1]]])
+    amounts = np.array([[[0.5, 1.5], [0.2, 0.8]], [[1.0, 2.0], [0.1, 0.4]]])
+    sets, tries = grow(pairs, amounts, 4)
+    assert sets.shape == (2, 4, 3)
+    for row in range(2):
+        assert sets[row, :, :2].tolist() == np.repeat(pairs[row], 2, axis=0).tolist()
+        for members, tried, pair in zip(sets[row], tries[row], np.repeat(amounts[row], 2, axis=0), strict=True):
+            assert set(members.tolist()) < {0, 1, 2, 3}
+            np.testing.assert_array_equal(tried[:, :2], np.broadcast_to(pair, (len(tried), 2)))
+    # The same shares of what there is of the pair, whatever it is.
+    share = tries[..., 2] / tries[..., :2].sum(axis=-1)
+    np.testing.assert_allclose(share, np.broadcast_to(share[0, 0], share.shape))
+    assert np.all(np.diff(share[0, 0]) > 0)
+    assert 0.0 < share[0, 0, 0] < 0.01 < 1.0 < share[0, 0, -1]
 
 
 def test_sets_grids_and_orders_are_complete():

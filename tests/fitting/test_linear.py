@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from glazefit.film.least_squares import GramSchmidt, orthogonalise
+from glazefit.film.least_squares import GramSchmidt, back_substitute, orthogonalise
 
 
 def solve(matrix, vector):
@@ -33,6 +33,17 @@ def test_factors_stay_orthogonal_for_nearly_dependent_columns():
 def test_unknown_that_is_not_determined_is_zero():
     value = solve([[1.0, 0.0], [2.0, 0.0], [0.0, 0.0]], [1.0, 2.0, 5.0])
     np.testing.assert_allclose(value, [1.0, 0.0])
+
+
+def test_an_upper_triangle_is_solved_and_zero_pivots_give_zero():
+    rng = np.random.default_rng(2)
+    r, x = np.triu(rng.uniform(0.5, 2.0, (4, 4))), rng.standard_normal(4)
+    np.testing.assert_allclose(back_substitute(jnp.asarray(r), jnp.asarray(r @ x)), x, rtol=1e-12)
+    # A pivot of -1 is a number like others.
+    r[1, 1] = -1.0
+    np.testing.assert_allclose(back_substitute(jnp.asarray(r), jnp.asarray(r @ x)), x, rtol=1e-12)
+    found = back_substitute(jnp.asarray([[2.0, 1.0], [0.0, 0.0]]), jnp.asarray([3.0, 5.0]))
+    np.testing.assert_array_equal(found, [1.5, 0.0])
 
 
 def test_pytrees_keep_their_structure():

@@ -4,6 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 
 from glazefit import (
     FilmPrior,
@@ -20,11 +21,11 @@ from glazefit.film.reading import readings
 from glazefit.posterior.bands import join_bands, pose_bands, prior_covariance, prior_draws
 from glazefit.posterior.film import pose_films
 from glazefit.posterior.film_errors import pose_errors
-from glazefit.posterior.laplace import climb, find_modes, laplace
+from glazefit.posterior.laplace import Laplace, _distinct, climb, find_modes, laplace
 from glazefit.posterior.problem import log_probability, uniform_residual
 from glazefit.posterior.report import unsettled
 from glazefit.posterior.summary import Numbers, compare
-from glazejax import Hemispherical, Pigment
+from glazejax import Glaze, Hemispherical, Layer, Pigment, reflectance
 
 GRID = np.arange(400.0, 701.0, 20.0)
 INSTRUMENT, NOISE = Instrument(), Noise()
@@ -137,6 +138,8 @@ def test_how_laplace_fails_is_named():
     assert words(np.exp(normal), 1 + normal) == "skewed"
     assert words(np.where(normal > 0, 3 + normal, -3 + normal), 3 + normal, many=True) == "two modes"
     assert words(np.abs(0.01 * normal), 0.02 + 0.01 * normal, share=True) == "against a bound"
+    # The fraction of a film's only paint.
+    assert words(np.ones(100), np.ones(100), share=True) == "agrees"
 
 
 def test_prior_is_what_the_log_probability_says():
@@ -157,6 +160,20 @@ def test_prior_is_what_the_log_probability_says():
         expected = density @ function(grid)
         assert values.mean() == pytest.approx(expected, abs=5 * values.std() / np.sqrt(len(values)) + 0.02)
     np.testing.assert_allclose(np.cov(draws, rowvar=False), prior_covariance(), rtol=0.03, atol=0.2)
+
+
+def test_a_band_reads_what_its_film_does():
+    """Fitted readings and derived quantities at the truth, of a film made by the forward package."""
+    k, s = 0.7, 2.5
+    films = uniform_film(k, s)
+    problem = pose_bands(readings(films, INSTRUMENT, NOISE)[0], 1.0, INSTRUMENT)
+    free = jnp.log(jnp.asarray([k / s, s]))
+    band = jax.tree.map(lambda a: a[3], problem.data)
+    medium = paint("x", k / 2e-5, s / 2e-5)
+    exact = [reflectance(Glaze([Layer(medium, 2e-5)], g), Hemispherical(8.0))[3] for g in np.asarray(band.ground)]
+    np.testing.assert_allclose(problem.fitted(free, band, problem.shared), exact, atol=1e-4)
+    found = {quantity.name: float(quantity.values(np.asarray(free))) for quantity in problem.quantities}
+    assert found == pytest.approx({"absorption": k, "scattering": s, "ratio": k / s})
 
 
 def test_prior_of_films_is_what_the_log_probability_says():
@@ -277,6 +294,44 @@ def test_two_solutions_are_two_modes():
 def far_away(free, data, shared):
     """Residuals whose least sum of squares is at infinity: no number of steps gets there."""
     return jnp.exp(-free) * data
+
+
+def test_gaussians_of_laplace_have_the_density_of_their_mixture():
+    rng = np.random.default_rng(6)
+    modes = rng.standard_normal((2, 2, 3))
+    roots = rng.standard_normal((2, 2, 3, 3))
+    covariances = roots @ np.swapaxes(roots, -1, -2) + 0.5 * np.eye(3)
+    weights = np.array([[0.3, 0.7], [1.0, 0.0]])
+    found = Laplace(
+        modes, covariances, weights, np.array([0.1, 0.9]), np.empty((0, 2, 3)), np.array([[True, True], [True, False]])
+    )
+    points = rng.standard_normal((5, 2, 3))
+    for block in range(2):
+        exact = sum(
+            w * multivariate_normal(m, c).pdf(points[:, block])
+            for w, m, c in zip(weights[block], modes[block], covariances[block], strict=True)
+        )
+        off = found.log_density(points)[:, block] - np.log(exact)
+        np.testing.assert_allclose(off, 1.5 * np.log(2 * np.pi), rtol=1e-9)
+    drawn = found.draws(40_000, rng)
+    mean = np.einsum("bm,bmd->bd", weights, modes)
+    np.testing.assert_allclose(drawn.mean(axis=0), mean, atol=0.05)
+    between = np.einsum("bm,bmi,bmj->bij", weights, modes - mean[:, None], modes - mean[:, None])
+    for block in range(2):
+        spread = (weights[block][:, None, None] * covariances[block]).sum(axis=0) + between[block]
+        np.testing.assert_allclose(np.cov(drawn[:, block].T), spread, atol=0.05 * spread.max())
+    # A mode without probability need not have settled; a second one counts from a hundredth.
+    assert found.converged.tolist() == [True, True]
+    assert found.trusted.tolist() == [True, False]
+    assert found.many.tolist() == [True, False]
+
+
+def test_modes_are_apart_and_not_hopelessly_lower():
+    """Of starts that end at the same place the best counts; what is e^20 times less likely, or no number, does not."""
+    found = np.array([[[0.0, 0.0], [0.0, 1e-3], [3.0, 0.0], [-3.0, 0.0], [0.0, 9.0], [9.0, 9.0]]])
+    height = np.array([[0.0, -0.1, -5.0, -25.0, np.nan, -np.inf]])
+    chosen, real = _distinct(found, np.broadcast_to(0.04 * np.eye(2), (1, 6, 2, 2)), height)
+    assert chosen[0][real[0]].tolist() == [0, 2]
 
 
 def test_least_squares_that_did_not_settle_is_said(banded):

@@ -12,6 +12,7 @@ from glazefit.posterior.chain import (
     BlockDifference,
     BlockStretch,
     Chain,
+    Convergence,
     autocorrelation_times,
     convergence,
     run_chain,
@@ -113,6 +114,17 @@ def test_long_chain_has_converged_and_short_one_not():
     assert not short.converged.any()
     assert short.words().startswith("not converged")
     assert "would do" in short.words()
+
+
+@pytest.mark.parametrize(
+    ("length", "samples", "enough"), [(500, 400.0, True), (499, 1e6, False), (10_000, 399.0, False)]
+)
+def test_a_chain_is_as_long_as_emcee_asks(length, samples, enough):
+    """Fifty autocorrelation times, the rule of emcee's manual, and as many samples as the words say; of every block."""
+    one = Convergence(np.array([10.0, 1.0]), np.array([samples, 1e6]), length, 0)
+    assert one.converged.tolist() == [enough, True]
+    assert "50 times and 400 samples are needed" in one.words()
+    assert one.words().startswith("converged" if enough else "not converged in 1 of 2 blocks")
 
 
 def test_stuck_or_tiny_chain_has_not_converged():

@@ -7,11 +7,11 @@ from rich.console import Console
 
 from glazefit import find_recipes
 from glazefit.recipe import refine as refine_module
-from glazefit.recipe.choose import packed, roundings
+from glazefit.recipe.choose import Scored, packed, roundings, select
 from glazefit.recipe.model import Optics, empty_slots, fill_slots, make_model, readings
 from glazefit.recipe.refine import colour_metric, refine
 from glazefit.recipe.report import print_best, print_recipes
-from glazefit.recipe.screen import Stacks, TargetArrays
+from glazefit.recipe.screen import Stacks, TargetArrays, _sensible
 from glazefit.recipe.targets import colourchecker_targets, lab_target, spectral_target, srgb_target
 from glazejax import Bidirectional, colour
 
@@ -149,3 +149,57 @@ def test_targets_of_a_chart():
 def test_bad_targets_are_refused(make, match):
     with pytest.raises(ValueError, match=match):
         make()
+
+
+def test_no_paint_lies_over_itself_and_no_more_paints_than_allowed():
+    single, pair = np.array([[0], [1], [2]]), np.array([[0, 1], [0, 2]])
+    assert _sensible(single, single, 2).tolist() == [[False, True, True], [True, False, True], [True, True, False]]
+    assert not _sensible(single, single, 1).any()
+    assert _sensible(pair, single, 2).tolist() == [[True, True, False], [True, False, True]]
+    assert _sensible(single, pair, 2).tolist() == [[True, True], [True, False], [False, True]]
+    assert _sensible(pair, pair, 3).tolist() == [[False, True], [True, False]]
+
+
+def scored(paints: dict[int, float], delta_e: float, coat: int = 0) -> Scored:
+    sizes = np.zeros((2, 4))
+    for paint, size in paints.items():
+        sizes[coat, paint] = size
+    return Scored(sizes, np.zeros(3), np.array([delta_e]), delta_e, True)
+
+
+def names(found: list[Scored]) -> list[tuple[set[int], float]]:
+    return [(set(one.paints), one.score) for one in found]
+
+
+def test_recipes_that_are_chosen_differ_and_add_nothing_in_vain():
+    """With one paint more a recipe must come nearer by what simplicity asks; else it waits behind the others."""
+    alone = scored({0: 5.0}, 2.0)
+    again = scored({0: 7.0}, 2.1)
+    nearer = scored({0: 5.0, 1: 1.0}, 1.2)
+    in_vain = scored({0: 5.0, 2: 1.0}, 1.9)
+    other = scored({3: 5.0}, 4.0)
+    pool = [other, in_vain, again, nearer, alone]
+    every = [({0, 1}, 1.2), ({0}, 2.0), ({3}, 4.0), ({0, 2}, 1.9)]
+    assert names(select(pool, 4, 0.3)) == every
+    assert names(select(pool, 3, 0.3)) == every[:3]
+    assert names(select(pool, 1, 0.3)) == every[:1]
+    # Of another simplicity the trace earns its place, and with much of it the paint alone comes first.
+    assert names(select(pool, 4, 0.05))[1] == ({0, 2}, 1.9)
+    assert names(select(pool, 4, 1.0))[0] == ({0}, 2.0)
+    # Two paints more that do bring it nearer are worth a place, though their price puts them behind.
+    richer = scored({0: 5.0, 1: 1.0, 2: 1.0}, 1.65)
+    assert names(select([alone, richer, other], 2, 0.3)) == [({0}, 2.0), ({0, 1, 2}, 1.65)]
+    # What is in gamut comes first, whatever it takes; the order of coats is a difference.
+    best = scored({0: 1.0, 1: 1.0, 2: 1.0}, 0.9)
+    assert names(select([*pool, best], 1, 0.3)) == [({0, 1, 2}, 0.9)]
+    below = scored({0: 5.0}, 2.05, coat=1)
+    assert len(select([alone, below, again], 3, 0.3)) == 1
+
+
+def test_stacks_differ_by_the_order_of_their_coats():
+    one, other = (Scored(s, np.zeros(3), np.ones(1), 1.0, True) for s in (np.eye(2), np.eye(2)[::-1]))
+    assert one.signature != other.signature
+    assert one.coats == other.coats == 2
+    assert len(select([one, other], 5, 0.3)) == 2
+    assert one.distance == 1.0
+    assert one.effort(0.5) == (True, 1.0 + 0.5 * 4)

@@ -10,6 +10,7 @@ from glazefit.film.gloss import estimate_gloss
 from glazefit.film.model import body_reflectance, tabulate
 from glazefit.film.readers import is_masstone, read_names, readable_names
 from glazefit.recover.film_by_film import CHUNK, ScatteringPrior, pose, recover_chunks, solve, starts
+from glazefit.recover.result import told_apart
 from glazejax import Glaze, Hemispherical, Layer, Pigment, reflectance
 
 GRID = np.arange(400.0, 701.0, 10.0)
@@ -107,6 +108,22 @@ def test_opaque_film_is_flagged_and_keeps_its_ratio():
     # No telling where s is, but not at infinity.
     assert recovery.scattering[0, :20].max() < 60
     assert np.isfinite(recovery.covariance).all()
+
+
+def test_k_and_s_are_told_apart_as_the_rule_says():
+    """To half of their value or to .01, whichever is more, both of them, at five standard deviations of contrast."""
+    optical = np.array([[1.0, 4.0], [0.005, 4.0]])
+
+    def told(sd_k: float, sd_s: float, contrast: float = 9.0) -> list[bool]:
+        covariance = np.broadcast_to(np.diag([sd_k**2, sd_s**2]), (2, 2, 2))
+        return told_apart(optical, covariance, np.full(2, contrast)).tolist()
+
+    assert told(0.009, 1.99) == [True, True]
+    assert told(0.49, 1.99) == [True, False]
+    assert told(0.51, 1.99) == [False, False]
+    assert told(0.009, 2.01) == [False, False]
+    assert told(0.009, 0.1, contrast=5.0) == [True, True]
+    assert told(0.009, 0.1, contrast=4.99) == [False, False]
 
 
 def test_black_film_stays_finite():

@@ -7,6 +7,9 @@ import pytest
 from glazefit.film.optics import Optics
 from glazefit.film.response import film_response
 from glazefit.film.varnish import DECAY, varnished, without_varnish, yellow
+from glazefit.identify.conditions import CONDITIONS, NOT_OPAQUE, OTHER_GROUNDS, VARNISHES, Condition
+from glazefit.identify.task import Measured
+from glazefit.identify.untold import bared
 from glazejax import Bidirectional, Hemispherical
 
 GRID = np.arange(400.0, 701.0, 10.0)
@@ -31,6 +34,46 @@ def test_varnish_comes_off_again():
     # The blue end loses more than the red.
     lost = varnished(response, body, coat) / body
     assert lost[0] < 0.5 * lost[-1]
+
+
+def test_a_film_taken_from_under_a_varnish_keeps_what_is_not_known():
+    """Readings as of the bare film; noise, doubt and volume by finite differences of taking the varnish off."""
+    response, surface, noise = film_response(Hemispherical()), 0.04, 1e-3
+    body = np.linspace(0.1, 0.8, GRID.size)
+    spreads = {}
+    for level in (0.2, 0.6):
+        read = varnished(response, body, level * yellow(GRID))
+        whole = np.array([[read + surface]])
+        empty = np.empty((1, 0, 1, GRID.size))
+        film = Measured(("film",), GRID, whole, np.full_like(whole, 0.9), np.full_like(whole, noise), empty)
+        found, volume = bared(film, response, surface, level)
+        np.testing.assert_allclose(found.readings[0, 0], body + surface, atol=1e-9)
+
+        def off(change: float, depth: float, read=read) -> np.ndarray:
+            return without_varnish(response, read + change, depth * yellow(GRID))
+
+        slope = (off(1e-5, level) - off(-1e-5, level)) / 2e-5
+        np.testing.assert_allclose(found.noise_sd[0, 0], noise * slope, rtol=1e-3)
+        assert float(volume[0]) == pytest.approx(np.log(slope).mean(), abs=1e-3)
+        by_level = (off(0.0, level + 1e-4) - off(0.0, level - 1e-4)) / 2e-4
+        ratio = found.doubt[0, 0, 0] / by_level
+        np.testing.assert_allclose(ratio, ratio.mean(), rtol=0.02)
+        spreads[level] = float(ratio.mean())
+    # A standard deviation less is still a varnish, and the two levels leave no gap.
+    assert all(0.0 < spread < level for level, spread in spreads.items())
+    assert 0.2 + spreads[0.2] > 0.6 - spreads[0.6]
+
+
+def test_what_nobody_mentioned_is_possible_and_less_likely_than_what_was_told():
+    assert CONDITIONS[0] == Condition("", 1.0)
+    for condition in CONDITIONS[1:]:
+        assert condition.words
+        assert 0.0 < condition.chance < 1.0
+        assert condition.ground is None or 0.0 < condition.ground < 1.0
+        assert condition.varnish >= 0.0
+    assert all(CONDITIONS[number].varnish > 0 for number in VARNISHES)
+    assert all(CONDITIONS[number].opaque is False for number in NOT_OPAQUE)
+    assert sorted({*VARNISHES, *NOT_OPAQUE, *OTHER_GROUNDS}) == list(range(1, len(CONDITIONS)))
 
 
 def test_yellow_falls_by_e_over_its_length():

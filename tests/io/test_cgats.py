@@ -34,6 +34,8 @@ def test_ways_to_name_bands(tmp_path, text):
     same(table, GRID, VALUES, ["red, light", "blue"], atol=1e-12)
     assert table.format == "CGATS text"
     assert table.notes == []
+    # What is neither the name nor a band.
+    assert set(table.attributes) == {"SAMPLE_ID", "LAB_L"}
     assert table.attributes["SAMPLE_ID"] == ("1", "2")
 
 

@@ -1,3 +1,5 @@
+import re
+
 import numpy as np
 import pytest
 
@@ -69,6 +71,9 @@ def test_many_blocks(tmp_path, linked):
         (block("a") + block("b", yunits="%REFLECTANCE"), "some blocks are in percent"),
         (block("a").replace("##END=\n", "") + block("b"), "a block begins before the one above has its ##END="),
         (block().replace("##TITLE=red\n", "##TITLE=red\n##BROKEN\n"), "is damaged"),
+        # Nothing to repeat, and nothing to differ from.
+        (re.sub(r"(?m)^(400)[@A-I].*$", r"\1S5", block(form="DIFDUP")), "damaged"),
+        (re.sub(r"(?m)^(400)[@A-I].*$", r"\1J5", block(form="DIFDUP")), "damaged"),
     ],
 )
 def test_errors_are_one_line(tmp_path, text, complaint):

@@ -126,6 +126,13 @@ def test_only_legal_fractions_are_written(tmp_path, value):
         write_spectra(SpectraTable(GRID, ("a",), spectra()), tmp_path / "t.csv")
 
 
+def test_the_ends_of_what_is_legal_read_back(tmp_path):
+    values = spectra()
+    values[1, 2], values[2, 4] = 0.0, 3.0
+    write_spectra(SpectraTable(GRID, ("a", "b", "c"), values), tmp_path / "t.csv")
+    same(read_spectra(tmp_path / "t.csv"), GRID, values, ["a", "b", "c"])
+
+
 def test_what_is_left_behind_is_said(tmp_path):
     table = SpectraTable(GRID, ("a",), spectra(1), attributes={"grams": ("2.5",)})
     assert write_spectra(table, tmp_path / "t.csv") == ["only names and spectra are written, not grams"]

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from glazejax.radiative.common.directions import Resolution, half_range
+from glazejax.radiative.common.directions import Resolution, half_range, resolve
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.radiative.common.simultaneous import fine_half_range, simultaneous_rule
 from glazejax.radiative.ordinates.resolution import flux_error, flux_sums, resolve_known
@@ -56,6 +56,15 @@ def test_chosen_directions_meet_their_share_of_the_tolerance(index, tolerance):
         terms = chosen.weights * chosen.cosines * np.exp(-depth / chosen.cosines)
         exact = sums_by_quadrature(index, depth)
         assert (terms.sum(), terms @ chosen.reflectance) == pytest.approx(exact, abs=0.17 * tolerance + 1e-12)
+
+
+@pytest.mark.parametrize("range_of_indices", [(1.5, 1.5), (1.0, 1.5), (1.3, 2.4)])
+def test_a_coarser_tolerance_takes_fewer_directions(range_of_indices):
+    """A step of the table for each power of ten, and what is finer than all takes the last."""
+    counts = [sum(resolve(10.0**-n, *range_of_indices)[:2]) for n in range(3, 11)]
+    assert np.all(np.diff(counts) > 0)
+    assert sum(resolve(0.5e-3, *range_of_indices)[:2]) == counts[1]
+    assert sum(resolve(1e-13, *range_of_indices)[:2]) == counts[-1]
 
 
 def test_fewer_directions_than_a_rule_split_at_the_critical_angle():

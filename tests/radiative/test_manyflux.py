@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from glazejax import stack_hemispherical_reflectance, stack_reflectance_factor
-from glazejax.radiative.common.fresnel import dielectric_reflectance
+from glazejax.radiative.common.fresnel import cos_refracted, dielectric_reflectance
 from glazejax.radiative.common.phase import henyey_greenstein, two_term_henyey_greenstein
 from glazejax.radiative.common.quadrature import gauss
 from glazejax.radiative.manyflux.reflectance import (
@@ -74,24 +74,30 @@ def test_reciprocity_and_table():
     np.testing.assert_allclose(one, table[2, 1, 1], atol=1e-12)
 
 
-def test_thin_layer_scatters_once():
-    """Over black, with the whole phase function: q p(T)/(4 (mu + mu')) times the slant, however thin."""
-    g, mu_i, mu_v, turn = 0.8, 0.9, 0.5, 40.0
+@pytest.mark.parametrize("index", [1.0, 1.5])
+def test_thin_layer_scatters_once(index):
+    """Over black, with the whole phase function: q p(T)/(4 mu mu') by the cosines inside, however thin.
+
+    The surface lets its shares pass, and radiance falls by the square of the index on the way out.
+    """
+    g, lit, seen, turn = 0.8, 0.9, 0.5, 40.0
+    mu_i, mu_v = (float(cos_refracted(cosine, index)) for cosine in (lit, seen))
     cosine = np.sqrt((1 - mu_i**2) * (1 - mu_v**2)) * np.cos(np.deg2rad(turn)) - mu_i * mu_v
     p = (1 - g**2) / (1 - 2 * g * cosine + g**2) ** 1.5
+    passing = np.prod([1.0 - float(dielectric_reflectance(cosine, index)) for cosine in (lit, seen)]) / index**2
     for thickness in (1e-6, 1e-12):
         found = manyflux_reflectance_factor(
             [0.7],
             [thickness],
             0.0,
             phase=PHASES["forward"],
-            refractive_index=1.0,
-            cos_incidence=mu_i,
-            cos_viewing=mu_v,
+            refractive_index=index,
+            cos_incidence=lit,
+            cos_viewing=seen,
             azimuth=turn,
             streams=8,
         )
-        assert found == pytest.approx(0.7 * p * thickness / (4 * mu_i * mu_v), rel=1e-5)
+        assert found == pytest.approx(passing * 0.7 * p * thickness / (4 * mu_i * mu_v), rel=1e-5)
 
 
 @pytest.mark.slow

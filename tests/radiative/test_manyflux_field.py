@@ -30,6 +30,9 @@ def test_field_meets_the_outside(solution):
     outside = manyflux_reflectance_factor(*stack, cos_viewing=0.6, azimuth=np.array([0.0, 130.0]), **given)
     out = (1 - dielectric_reflectance(0.6, 1.5)) / 1.5**2
     np.testing.assert_allclose(out * field.up[0, 0], outside, atol=1e-12)
+    # What the surface sends back: Fresnel's share in a direction that leaves, all beyond the critical angle.
+    np.testing.assert_allclose(field.down[0, 0], dielectric_reflectance(0.6, 1.5) * field.up[0, 0], atol=1e-12)
+    np.testing.assert_allclose(field.down[0, 1], field.up[0, 1], atol=1e-12)
     np.testing.assert_allclose(field.up[-1], 0.5 * field.flux_down[-1], atol=1e-12)
     np.testing.assert_allclose(field.flux_up[-1], 0.5 * field.flux_down[-1], atol=1e-12)
     entered = 1 - dielectric_reflectance(0.7, 1.5)

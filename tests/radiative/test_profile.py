@@ -11,6 +11,7 @@ from glazejax import (
     stack_hemispherical_reflectance,
     stack_reflectance_factor,
 )
+from glazejax.radiative.profile import _piecewise_linear
 
 DEPTH = 2e-5
 METHODS = ("ordinates", "auxiliary")
@@ -56,6 +57,14 @@ def test_samples_agree_and_tend_to_two_layers():
         for m in METHODS
     ]
     assert few[0] == pytest.approx(float(few[1]), abs=2e-4)
+
+
+def test_samples_are_joined_by_straight_lines():
+    """Values at three depths, for two films at once, against numpy's interpolation."""
+    samples, share = np.array([[1.0, 3.0, 2.0], [0.0, 4.0, 4.0]]), np.array([0.0, 0.2, 0.5, 0.75, 1.0])
+    found = _piecewise_linear(jnp.asarray(samples))(jnp.asarray(share))
+    np.testing.assert_allclose(found, [np.interp(share, [0.0, 0.5, 1.0], row) for row in samples], atol=1e-15)
+    np.testing.assert_array_equal(_piecewise_linear(jnp.asarray([7.0]))(jnp.asarray(share)), np.full(5, 7.0))
 
 
 @pytest.mark.slow

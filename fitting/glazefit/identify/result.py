@@ -64,7 +64,7 @@ class Candidate:
 
     @property
     def words(self) -> str:
-        """Such as ``90 % ZincWhite + 10 % Eosin``, or ``Eosin over ZincWhite (30 : 70)``."""
+        """Such as ``90 % ZincWhite + 10 % Eosin``, or ``30 % Eosin over 70 % ZincWhite``."""
         return self.mixture + (f", {self.condition}" if self.condition else "")
 
     @property

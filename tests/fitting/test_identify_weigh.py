@@ -1,0 +1,146 @@
+"""Probabilities of candidates and of none: Bayes' rule, what is seen and what is not, and the simpler film first."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+
+from glazefit.film.errors import Prior
+from glazefit.identify.result import NOBODY, Candidate, Pool
+from glazefit.identify.task import Measured
+from glazefit.identify.weigh import odds_of, weigh
+
+GRID = np.arange(1000.0, 1701.0, 50.0)
+"""No colour is seen here: a root mean square of .01 counts as a Delta E00 of 1."""
+
+
+def film(noise: float = 0.0, spectra: int = 1) -> Measured:
+    shape = spectra, 1, GRID.size
+    half = np.full(shape, 0.5)
+    names = tuple(map(str, range(spectra)))
+    return Measured(names, GRID, half, half, np.full(shape, noise), np.empty((spectra, 0, 1, GRID.size)))
+
+
+def pool(
+    sets: Sequence[Sequence[int]], misfit: Sequence[float], log_weight: Sequence[float], condition: Sequence[int] = ()
+) -> Pool:
+    """Candidates of one spectrum, off by so many Delta E00."""
+    count = len(sets)
+    members = np.array([[[*paints, *[NOBODY] * (3 - len(paints))] for paints in sets]])
+    readings = 0.5 + 0.01 * np.array(misfit)[None, :, None] * np.ones(GRID.size)
+    return Pool(
+        members,
+        np.zeros((1, count, 3), int),
+        np.zeros((1, count, 3)),
+        np.zeros((1, count, 3, 3)),
+        np.array([log_weight], float),
+        readings,
+        readings,
+        np.ones((1, count)),
+        np.array([condition or [0] * count]),
+    )
+
+
+def none_to_one(misfit: float, unknown: float = 0.4, noise: float = 0.0) -> float:
+    """Odds of none against the only candidate."""
+    odds, none, _, _ = odds_of(film(noise), pool([[0]], [misfit], [0.0]), Prior(unknown=unknown))
+    return float(none[0] / odds[0, 0])
+
+
+def test_none_by_bayes_rule():
+    """Odds beforehand times what the misfit says; that does not depend on what was expected."""
+    for misfit in (1.0, 2.0, 3.5):
+        said = [none_to_one(misfit, unknown) / (unknown / (1.0 - unknown)) for unknown in (0.1, 0.4, 0.8)]
+        np.testing.assert_allclose(said, said[0], rtol=1e-12)
+
+
+def test_a_fit_that_looks_the_same_speaks_for_its_paints_and_one_that_is_seen_to_be_off_against():
+    """Of two films in five beforehand: less than one in four where no difference is seen, three of four at 4."""
+    chance = [1.0 / (1.0 + 1.0 / none_to_one(misfit)) for misfit in (0.25, 0.5, 1.0, 2.0, 3.999)]
+    assert np.all(np.diff(chance) > 0)
+    assert chance[2] < 0.25
+    assert chance[-1] == pytest.approx(0.75, abs=0.02)
+
+
+def test_what_a_person_rejects_is_at_most_as_probable_as_none():
+    _, _, _, rejected = odds_of(film(), pool([[0], [1]], [3.99, 4.01], [0.0, 0.0]), Prior())
+    assert rejected.tolist() == [[False, True]]
+    for unknown in (0.01, 0.4):
+        odds, none, _, _ = odds_of(film(), pool([[0], [1]], [5.0, 6.0], [0.0, 1.0]), Prior(unknown=unknown))
+        assert odds.sum() <= none[0]
+
+
+def test_what_the_noise_explains_is_no_misfit():
+    """A residual as large as the noise is not seen; the same residual of a quiet instrument is."""
+    assert none_to_one(2.0, noise=0.02) < none_to_one(1.0)
+    assert none_to_one(2.0) > 5.0 * none_to_one(2.0, noise=0.02)
+
+
+def test_a_fit_without_any_residual_is_as_good_as_one_of_a_tenth():
+    """Nothing of a film is known so well; the misfit stays a number whose logarithm counts."""
+    for misfit in (0.0, 0.05, 0.1):
+        _, none, met, _ = odds_of(film(), pool([[0]], [misfit], [0.0]), Prior())
+        assert float(met[0]) == pytest.approx(0.1)
+        assert 0.0 < float(none[0]) < 0.01
+
+
+def test_evidence_ranks_candidates_that_look_alike():
+    """Below what is seen only the evidence counts: its ratio is that of the probabilities."""
+    odds, _, _, _ = odds_of(film(), pool([[0], [1]], [0.2, 0.9], [0.0, np.log(3.0)]), Prior())
+    assert odds[0, 1] / odds[0, 0] == pytest.approx(3.0)
+
+
+@pytest.mark.parametrize(
+    ("earned", "off", "condition", "first"),
+    [
+        (1.9, 0.3, (0, 0), 0),  # neither evidence nor colour asks for the second paint
+        (2.1, 0.3, (0, 0), 1),  # evidence does
+        (1.9, 1.1, (0, 0), 1),  # a difference that is seen does
+        (1.9, 0.3, (1, 0), 1),  # another condition is another film
+    ],
+)
+def test_a_paint_earns_its_place(earned: float, off: float, condition: tuple[int, int], first: int):
+    odds, _, _, _ = odds_of(film(), pool([[0], [0, 1]], [off, 0.3], [0.0, earned], condition), Prior())
+    assert int(odds[0].argmax()) == first
+
+
+def test_a_set_of_other_paints_takes_no_ones_place():
+    odds, _, _, _ = odds_of(film(), pool([[2], [0, 1]], [0.3, 0.3], [0.0, 1.0]), Prior())
+    assert int(odds[0].argmax()) == 1
+
+
+def candidate(fractions: Sequence[float], coats: tuple[int, ...], condition: str = "") -> Candidate:
+    shares, nothing = np.array(fractions), np.zeros((len(fractions), 2))
+    curve = np.zeros((1, GRID.size))
+    return Candidate(
+        ("A", "B", "C")[: len(fractions)], shares, shares, nothing, shares, nothing, coats, 25e-6, 1e-6, nothing[0],
+        0.9, condition, 1.0, curve, curve, 0.0, 0.0, 0.0,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("fractions", "coats", "condition", "words"),
+    [
+        ([1.0], (0,), "", "A"),
+        ([1.0], (0,), "over a light ground", "A, over a light ground"),
+        ([0.9, 0.1], (0, 0), "", "90 % A + 10 % B"),
+        ([0.955, 0.045], (0, 0), "", "95.5 % A + 4.5 % B"),
+        ([0.9955, 0.0045], (0, 0), "", "99.55 % A + 0.45 % B"),
+        ([0.3, 0.7], (0, 1), "", "30 % A over 70 % B"),
+        ([0.2, 0.3, 0.5], (0, 0, 1), "under a varnish", "(20 % A + 30 % B) over 50 % C, under a varnish"),
+    ],
+)
+def test_words_of_an_explanation(fractions, coats, condition, words):
+    found = candidate(fractions, coats, condition)
+    assert found.words == words
+    assert found.mixture == words.removesuffix(f", {condition}")
+
+
+def test_probabilities_of_paints_are_those_of_the_sets_they_are_in():
+    candidates = pool([[0, 1], [1, 2], [2]], [1.0, 1.0, 1.0], [0.0, 0.0, 0.0])
+    found = weigh(film(), candidates, ("a", "b", "c"), Prior(), False, 2)
+    assert found.members.shape == (1, 2, 3)
+    odds, none, _, _ = odds_of(film(), candidates, Prior())
+    share = odds[0] / (odds.sum() + none[0])
+    np.testing.assert_allclose(found.paint_probability[0], [share[0], share[0] + share[1], share[1] + share[2]])
+    assert float(found.none[0]) == pytest.approx(1.0 - share.sum())

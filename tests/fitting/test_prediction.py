@@ -1,0 +1,74 @@
+"""What is foretold of a film: bands hold the share of the draws that they say, and errors enter as they are stated."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from glazefit.film.errors import Discrepancy
+from glazefit.film.films import Noise
+from glazefit.recover.joint import recover_jointly
+from glazefit.recover.prediction import Prediction, predict_films
+from tests.fitting.test_joint import GRID, RECIPES, painted
+
+NONE = Discrepancy(coefficient=0.0, level=0.0, amplitude=0.0, scales=(1.0,), weights=(1.0,))
+
+
+def flat(draws: np.ndarray) -> Prediction:
+    grey = np.full(GRID.size, 0.5)
+    return Prediction("flat", GRID, 1.0, 1.0, grey, grey, draws[:, None, None] * np.ones((1, 2, GRID.size)))
+
+
+def test_a_band_holds_its_share_of_the_draws():
+    found = flat(np.linspace(0.0, 1.0, 1001))
+    for level in (0.9, 0.5):
+        low, high = found.interval(level)
+        assert low.shape == high.shape == (2, GRID.size)
+        np.testing.assert_allclose(low, (1 - level) / 2)
+        np.testing.assert_allclose(high, (1 + level) / 2)
+    for wrong in (0.0, 1.0, 1.5):
+        with pytest.raises(ValueError, match=f"the level is {wrong:g}; give a share between 0 and 1"):
+            found.interval(wrong)
+
+
+def test_the_expected_error_is_the_mean_over_draws_and_cards():
+    """Greys differ by lightness alone; draws that hit the prediction add nothing."""
+    one = flat(np.full(4, 0.55)).expected_error()
+    dark, light = (116 * y ** (1 / 3) - 16 for y in (0.5, 0.55))
+    off = (0.5 * (dark + light) - 50) ** 2
+    assert one == pytest.approx((light - dark) / (1 + 0.015 * off / np.sqrt(20 + off)))
+    assert flat(np.array([0.5, 0.55, 0.5, 0.55])).expected_error() == pytest.approx(one / 2)
+    assert flat(np.full(3, 0.5)).expected_error() == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.fixture(scope="module")
+def recovered():
+    films = painted(np.array([1.0, 0.8, 1.2, 1.0, 0.9, 1.1]), Noise())
+    return recover_jointly(films, RECIPES), films
+
+
+def draws(recovered, name: str, **errors: float) -> np.ndarray:
+    result, films = recovered
+    (found,) = predict_films(result, films.select([name]), RECIPES, discrepancy=dataclasses.replace(NONE, **errors))
+    return found.draws
+
+
+def test_errors_of_the_model_are_added_to_both_cards(recovered):
+    """What is added has the standard deviation that is stated, and goes together over black and white."""
+    added = draws(recovered, "white", amplitude=0.02, shared=0.8) - draws(recovered, "white")
+    count = len(added)
+    np.testing.assert_allclose(added.std(axis=0), 0.02, rtol=4 / np.sqrt(2 * count))
+    alike = [np.corrcoef(added[:, 0, band], added[:, 1, band])[0, 1] for band in range(GRID.size)]
+    assert np.mean(alike) == pytest.approx(0.8, abs=4 * 0.36 / np.sqrt(count))
+    assert draws(recovered, "shade", amplitude=1.0).min() == 0.0
+
+
+def test_errors_of_paints_move_a_film_as_far_as_they_are_large(recovered):
+    """To first order twice the error is twice the spread; a level is the same at all wavelengths."""
+    few, many = (np.std(draws(recovered, "half", coefficient=c) - draws(recovered, "half")) for c in (0.01, 0.02))
+    assert many == pytest.approx(2.0 * few, rel=0.1)
+    assert few > 1e-4
+    level = draws(recovered, "half", level=0.05) - draws(recovered, "half")
+    # One error of k and one of s for each paint: the moves of all bands span no more than these and the thickness.
+    size = np.linalg.svd((level - level.mean(axis=0)).reshape(len(level), -1), compute_uv=False)
+    assert size[5] < 0.05 * size[0]
