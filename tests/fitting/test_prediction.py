@@ -7,16 +7,20 @@ import pytest
 
 from glazefit.film.errors import Discrepancy
 from glazefit.film.films import Noise
+from glazefit.film.variation import SIZES, Variation
 from glazefit.recover.joint import recover_jointly
 from glazefit.recover.prediction import Prediction, predict_films
 from tests.fitting.test_joint import GRID, RECIPES, painted
 
+OF_SIZE_ONE = Variation(np.array([float(size == 1.0) for size in SIZES]))
 NONE = Discrepancy(coefficient=0.0, level=0.0, amplitude=0.0, scales=(1.0,), weights=(1.0,))
 
 
 def flat(draws: np.ndarray) -> Prediction:
     grey = np.full(GRID.size, 0.5)
-    return Prediction("flat", GRID, 1.0, 1.0, grey, grey, draws[:, None, None] * np.ones((1, 2, GRID.size)))
+    off = (draws[:, None, None] - 0.5) * np.ones((1, 2, GRID.size))
+    parts = {"scale": 0.0 * off, "paint": off, "film": 0.0 * off}
+    return Prediction("flat", GRID, 1.0, 1.0, grey, grey, ("grey",), parts, OF_SIZE_ONE)
 
 
 def test_a_band_holds_its_share_of_the_draws():
@@ -49,7 +53,13 @@ def recovered():
 
 def draws(recovered, name: str, **errors: float) -> np.ndarray:
     result, films = recovered
-    (found,) = predict_films(result, films.select([name]), RECIPES, discrepancy=dataclasses.replace(NONE, **errors))
+    (found,) = predict_films(
+        result,
+        films.select([name]),
+        RECIPES,
+        discrepancy=dataclasses.replace(NONE, **errors),
+        variation=OF_SIZE_ONE,
+    )
     return found.draws
 
 
