@@ -138,7 +138,7 @@ def test_words_of_an_explanation(fractions, coats, condition, words):
 
 def test_probabilities_of_paints_are_those_of_the_sets_they_are_in():
     candidates = pool([[0, 1], [1, 2], [2]], [1.0, 1.0, 1.0], [0.0, 0.0, 0.0])
-    found = weigh(film(), candidates, ("a", "b", "c"), Prior(), False, 2)
+    found = weigh(film(), candidates, odds_of(film(), candidates, Prior()), ("a", "b", "c"), False, 2)
     assert found.members.shape == (1, 2, 3)
     odds, none, _, _ = odds_of(film(), candidates, Prior())
     share = odds[0] / (odds.sum() + none[0])
