@@ -1,6 +1,6 @@
 """How many small faults the tests find: mutants of cosmic-ray, each tried in a copy of the repository.
 
-python -m benchmarks.mutation [MODULE...] [--count N] [--seed S] [--seconds T] [--budget T] [--again] [--table]
+python -m benchmarks.mutation [MODULE...] [--count N] [--seed S] [--seconds T] [--budget T] [--again] [--confirm]
 
 MODULE is a folder or file of glazejax or glazefit: io, colour, film/errors. A random sample of sites, evenly over the
 modules, gets one change each. Tests whose lines reach the changed line run first, those of the files that are nearest
@@ -9,8 +9,9 @@ The first failure kills; so do a crash and a test that does not end. What lives 
 time has survived.
 
 Results are added to a file of --scratch as they come: a run goes on where one stopped. --again tries survivors once
-more, with the tests of today; --slow lets the slow tests of the nearest files run too. mutation_equivalent.tsv names
-mutants that change nothing that a user could see, with the reason.
+more, with the tests of today, --confirm those that were killed, by the same test; --slow lets the slow tests of the
+nearest files run instead; --table runs nothing. mutation_equivalent.tsv names mutants that change nothing that a user
+could see, with the reason.
 """
 
 import argparse
@@ -37,6 +38,7 @@ JUDGED = Path(__file__).with_name("mutation_equivalent.tsv")
 LEFT_OUT = ("test_architecture", "test_readme", "test_plots", "test_extras", "test_samples", "appearance/")
 """Tests that read the source itself, draw, start programs, or lie in a room of their own."""
 
+KILLED = ("killed", "timeout")
 NEAREST = 2
 """Test files of which all tests that use a changed file are tried before others, and the slow ones if asked."""
 
@@ -145,7 +147,10 @@ def judged() -> dict[str, str]:
 def attempt(
     scratch: Path, tests: Tests, mutant: Mutant, budget: float, stamp: int, slow: bool, before: list[dict[str, Any]]
 ) -> dict[str, Any]:
-    """Write the mutant into the scratch copy, run tests that it has not passed before, and take it out again."""
+    """Write the mutant into the scratch copy, run its tests, and take it out again.
+
+    Tests that it has passed before are left out; one that is dead has to fail the test that killed it once more.
+    """
     from benchmarks.mutation_run import run_tests
 
     path = scratch / mutant.file
@@ -156,6 +161,8 @@ def attempt(
     kept = path.stat()
     groups, usual = tests.of(mutant, budget, slow), None if slow else tests.usual
     passed = {test for trial in before for test in trial.get("passed", ())}
+    if confirm := dead(before):
+        groups, passed = [[next(trial["by"] for trial in before if trial["outcome"] in KILLED)]], set()
     groups = [left for tests_of_one in groups if (left := [test for test in tests_of_one if test not in passed])]
     begun = time.monotonic()
     try:
@@ -169,6 +176,7 @@ def attempt(
     return {
         "mutant": vars(mutant),
         "slow": slow,
+        "confirm": confirm,
         "outcome": outcome,
         "by": by,
         "passed": sorted(test for test, _ in ended if test != by),
@@ -176,6 +184,14 @@ def attempt(
         "of": len(passed) + sum(map(len, groups)),
         "seconds": round(time.monotonic() - begun, 1),
     }
+
+
+def dead(trials: list[dict[str, Any]]) -> bool:
+    """Whether a mutant was killed, and again wherever that was tried again."""
+    found = False
+    for trial in trials:
+        found = trial["outcome"] in KILLED or (found and not trial.get("confirm"))
+    return found
 
 
 def interval(killed: int, of: int) -> tuple[float, float]:
@@ -208,8 +224,10 @@ def table(results: Results, scratch: Path, rooms: list[str], seed: int, budget: 
             row[1] += 1
             same.append(f"{mutant.file}:{mutant.line}\n    {mutant.code}\n    {mutant.change}\n    = {equivalent[key]}")
             continue
-        row[2] += trials[0]["outcome"] in ("killed", "timeout")
-        if any(trial["outcome"] in ("killed", "timeout") for trial in trials):
+        row[2] += dead(
+            [trial for n, trial in enumerate(trials) if n == 0 or (dead(trials[:1]) and trial.get("confirm"))]
+        )
+        if dead(trials):
             row[3] += 1
         else:
             last = trials[-1]
@@ -221,7 +239,8 @@ def table(results: Results, scratch: Path, rooms: list[str], seed: int, budget: 
     results("Fast tests only: those that reach the line, nearest file first, then others of these files that use the")
     results(f"changed file, for at most {budget:.0f} s of processor time. Left out: files that draw and word (plots,")
     results("page, report), words of errors, annotations, decorators. Share: killed of those that are not equivalent,")
-    results("with its 95 % interval. Survivors were tried again, with tests written since and with longer ones.")
+    results("with its 95 % interval. Survivors were tried again, with longer tests and with tests written since: the")
+    results("second share is of the very sample that these were written for.")
     results("")
     results(f"{'':12s} mutants  equivalent  killed at first  share  killed now  survive  share  interval")
     total = [sum(column) for column in zip(*rows.values(), strict=True)]
@@ -232,6 +251,11 @@ def table(results: Results, scratch: Path, rooms: list[str], seed: int, budget: 
             f"{room:12s} {count:7d}  {no:10d}  {first:15d}  {first / max(real, 1):5.0%}  {now:10d}  {real - now:7d}"
             f"  {now / max(real, 1):5.0%}  {low:.0%} to {high:.0%}"
         )
+    again = [trials for trials in tried(scratch).values() if any(trial.get("confirm") for trial in trials)]
+    if again:
+        results("")
+        twice = sum(any(t.get("confirm") and t["outcome"] in KILLED for t in trials) for trials in again)
+        results(f"Killed ones tried again, each with the test that killed it: {len(again)}, killed again: {twice}.")
     for title, texts in (("Survivors", living), ("Judged equivalent", same)):
         results("")
         results(f"{title}: {len(texts)}")
@@ -242,17 +266,19 @@ def table(results: Results, scratch: Path, rooms: list[str], seed: int, budget: 
 
 
 def waiting(options: argparse.Namespace, scratch: Path) -> Iterator[Mutant]:
-    """Mutants to try: of the sample those not tried yet, or with --again those that survived."""
+    """Mutants to try: of the sample those not tried yet, or with --again survivors, with --confirm the others."""
     done = tried(scratch)
-    if not options.again:
+    if not (options.again or options.confirm):
         drawn = itertools.islice(sample(scratch, options.modules, options.seed), options.count)
         yield from (mutant for mutant in drawn if mutant.key not in done)
         return
     equivalent = judged()
     for key, trials in done.items():
         mutant = Mutant(**trials[0]["mutant"])
-        lives = all(trial["outcome"] in ("passed", "budget") for trial in trials)
-        if lives and key not in equivalent and _room(mutant, options.modules):
+        if key in equivalent or not _room(mutant, options.modules):
+            continue
+        tried_twice = any(trial.get("confirm") for trial in trials)
+        if (options.again and not dead(trials)) or (options.confirm and dead(trials) and not tried_twice):
             yield mutant
 
 
@@ -266,6 +292,7 @@ def main() -> None:
     parser.add_argument("--budget", type=float, default=60.0, help="processor seconds a mutant (default: %(default)s)")
     parser.add_argument("--core", type=int, help="run on this core alone")
     parser.add_argument("--again", action="store_true", help="try survivors once more")
+    parser.add_argument("--confirm", action="store_true", help="try those that were killed once more, by the same test")
     parser.add_argument("--slow", action="store_true", help="with slow tests")
     parser.add_argument("--table", action="store_true", help="run nothing, write the table of what was run")
     parser.add_argument("--map", action="store_true", help="only see which tests run which lines")

@@ -130,7 +130,9 @@ def _pytest(plugin: Plugin, ids: Sequence[str], slow: bool) -> None:
     import pytest
 
     marks = "slow" if slow else "not slow"
-    options = ["-x", "-q", "--tb=no", "--no-header", "-p", "no:cacheprovider", "-m", marks]
+    # Folders of tests are the scratch copy's own: other runs of pytest clean the common ones up.
+    folder = f"--basetemp={Path.cwd().with_suffix('.tmp')}"
+    options = ["-x", "-q", "--tb=no", "--no-header", folder, "-p", "no:cacheprovider", "-m", marks]
     code = pytest.main([*options, *ids], plugins=[plugin])
     if code not in ENDED:
         plugin.failed = True
@@ -259,7 +261,8 @@ def map_file(scratch: Path, file: str) -> dict[str, Any]:
         plugin = Plugin(pipe, cover)
         import pytest
 
-        options = ["-q", "--tb=short", "--no-header", "-p", "no:cacheprovider", "-m", "not slow"]
+        folder = f"--basetemp={scratch.with_suffix('.tmp')}"
+        options = ["-q", "--tb=short", "--no-header", folder, "-p", "no:cacheprovider", "-m", "not slow"]
         plugin_failures: list[str] = []
         say = plugin.say
         # Failing tests are noted here and do not end the file.

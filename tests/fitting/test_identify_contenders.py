@@ -148,13 +148,13 @@ def test_partners_are_chosen_by_the_misfit_of_the_mixtures():
     white = np.eye(target.shape[1]) + 0.1 * rng.standard_normal((2, target.shape[1], target.shape[1]))
     ground = np.stack([GROUNDS, 0.8 * GROUNDS])
     wanted = np.einsum("srt,st->sr", white, target)
-    given = (jnp.asarray(a) for a in (partners, total, share, ground, wanted, white))
-    least, where = _screen(response, Paints(jnp.asarray(k), jnp.asarray(s)), *given)
+    tries, spectra = ([jnp.asarray(a) for a in some] for some in ((partners, total, share), (ground, wanted, white)))
+    least, where = _screen(response, Paints(jnp.asarray(k), jnp.asarray(s)), *tries, *spectra)
     for paint in range(len(NAMES)):
         for place, other in enumerate(partners[paint]):
             mixed = [total[:, None] * (share[:, None] * v[paint] + (1 - share[:, None]) * v[other]) for v in (k, s)]
             for row in range(2):
-                body = np.asarray(response.body(*(m[:, None] for m in mixed), ground[row])).reshape(4, -1)
+                body = np.asarray(response.body(mixed[0][:, None], mixed[1][:, None], ground[row])).reshape(4, -1)
                 cost = np.sum(((target[row] - body) @ white[row].T) ** 2, axis=-1)
                 assert float(least[paint, row, place]) == pytest.approx(cost.min(), rel=1e-6)
                 assert int(where[paint, row, place]) == cost.argmin()

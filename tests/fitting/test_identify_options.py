@@ -100,7 +100,8 @@ def test_each_option_changes_what_it_should(find):
     for thickness in (10e-6, 40e-6):
         vague = find(noise=Noise(30.0), prior=Prior(thickness=thickness))
         np.testing.assert_allclose(vague.amounts[0, :, 0], thickness, rtol=0.1)
-    assert float(find(prior=Prior(unknown=0.9)).none[0]) >= float(find(prior=Prior(unknown=0.01)).none[0])
+    often, rarely = (float(find(prior=Prior(unknown=unknown)).none[0]) for unknown in (0.9, 0.01))
+    assert often / (1.0 - often) > 100.0 * rarely / (1.0 - rarely)
 
 
 @pytest.mark.parametrize("told", [True, False])
@@ -116,6 +117,9 @@ def test_all_that_is_asked_for_stands_in_the_task(paints, monkeypatch, told: boo
     errors = Discrepancy(unstated=0.11, most=0.2, amplitude=0.013)
     expected = Prior(thickness=40e-6, spread=0.6, unknown=0.2)
     plain = [Pigment(p.name, GRID, p.absorption, p.scattering) for p in paints]
+    # One that a film of 25 um hardly shows and one of 40 um does, with errors larger than what counts.
+    ones, modes = np.ones(GRID.size), np.ones((1, 2, GRID.size))
+    plain.append(Pigment("Thin", GRID, 1e4 * ones, 2e4 * ones, error_modes=modes))
     with pytest.raises(Reached) as reached:
         identify(
             np.full((1, 2, GRID.size), 0.4), GRID, plain, grounds=0.3 if told else None, instrument=seen_by,
@@ -127,7 +131,8 @@ def test_all_that_is_asked_for_stands_in_the_task(paints, monkeypatch, told: boo
     assert task.surface == pytest.approx(float(dielectric_reflectance(np.cos(np.deg2rad(30.0)), 1.3)))
     assert task.noise == noise
     assert task.discrepancy == errors
-    np.testing.assert_array_equal(task.errors, 0.11)
+    np.testing.assert_array_equal(task.errors[:2], 0.11)
+    np.testing.assert_allclose(task.modes[2], 0.2)
     assert (task.max_paints, task.layers) == (2, 2 if told else 1)
     assert task.prior.unknown == 0.2
     # A film that hides its ground is thicker than any: there the thickness is set.
@@ -135,7 +140,7 @@ def test_all_that_is_asked_for_stands_in_the_task(paints, monkeypatch, told: boo
     assert task.prior.thickness == thickness
     assert told or thickness > 1e-4
     np.testing.assert_allclose(task.paints.absorption[1], thickness * np.asarray(paints[1].absorption))
-    assert task.extenders.tolist() == MODULE.hardly_seen(plain, 40e-6).tolist()
+    assert task.extenders.tolist() == [False, False, False]
     assert measured.names == ("leaf",)
     np.testing.assert_allclose(measured.noise_sd, 0.07 + 0.03 * 0.4)
     np.testing.assert_allclose(measured.grounds, 0.3 if told else 0.5)
