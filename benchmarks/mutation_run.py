@@ -252,7 +252,8 @@ def map_file(scratch: Path, file: str) -> dict[str, Any]:
     target.unlink(missing_ok=True)
 
     def work(pipe: int) -> None:
-        import coverage  # pyright: ignore[reportMissingImports]
+        # By name: a type checker takes `benchmarks/coverage.py` for the package.
+        coverage = importlib.import_module("coverage")
 
         # Byte code of files as they are serves every mutant.
         sys.dont_write_bytecode = False
