@@ -17,7 +17,7 @@ import numpy as np
 
 from benchmarks.paper_tables import GROUND, INDEX, METHODS, PAPER_SHORTENED, STEPS, Work, spectrum, work
 from benchmarks.results import Results, add_option
-from benchmarks.timing import environment, interleaved
+from benchmarks.timing import add_options, environment, interleaved
 from glazejax.radiative.auxiliary import assembly, uniform
 from glazejax.radiative.auxiliary.kernel_table import KernelTable
 from glazejax.radiative.auxiliary.uniform_solver import GridSettings
@@ -134,10 +134,7 @@ def many(say: Results, pairs: dict[str, Work], repetitions: int, budget: float) 
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--repetitions", type=int, default=20, help="timed runs of each program (default: %(default)s)")
-    parser.add_argument(
-        "--budget", type=float, default=1.0, help="seconds of timed runs a program (default: %(default)s)"
-    )
+    add_options(parser)
     add_option(parser)
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)

@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.results import Results, add_option
-from benchmarks.timing import environment, interleaved
+from benchmarks.timing import add_options, environment, interleaved
 from glazejax import catalogue, colour, stack_reflectance_factor
 from glazejax.radiative.auxiliary import assembly
 from glazejax.radiative.auxiliary.contraction import solve_contraction
@@ -331,10 +331,7 @@ def figure(pairs: dict[str, Work], seconds: dict[tuple, float], errors: dict[tup
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
-    parser.add_argument("--repetitions", type=int, default=20, help="timed runs of each program (default: %(default)s)")
-    parser.add_argument(
-        "--budget", type=float, default=1.0, help="seconds of timed runs a program (default: %(default)s)"
-    )
+    add_options(parser)
     add_option(parser)
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)

@@ -1,5 +1,6 @@
 """Warm timings of several programs on the same work, interleaved so that a noisy machine is fair to all."""
 
+import argparse
 import os
 import platform
 import statistics
@@ -54,6 +55,14 @@ def interleaved(
             last[name] = once(name)
             done.append(last[name])
     return {name: statistics.median(times) for name, times in seconds.items()}
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Options that say how often programs run."""
+    parser.add_argument("--repetitions", type=int, default=20, help="timed runs of each program (default: %(default)s)")
+    parser.add_argument(
+        "--budget", type=float, default=1.0, help="seconds of timed runs a program (default: %(default)s)"
+    )
 
 
 def processor() -> str:

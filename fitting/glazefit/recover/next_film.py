@@ -167,7 +167,8 @@ def _pose(
     told = tell(films, paints, known, gauge, unit, expected.thickness)
     told.thickness[count:] = [c.log_thickness for c in candidates]
     told.thickness_sd[count:] = expected.thickness if gauge is None else gauge.error
-    settings = (shares, recovery.law, recovery.instrument, recovery.noise, expected, told)
+    gloss = np.concatenate([recovery.measured_gloss, np.full(more, np.nan)])
+    settings = (shares, recovery.law, recovery.instrument, recovery.noise, expected, told, gloss)
     problem = pose(films, *settings)
     solution = _solution(recovery, problem, bands, spare, candidates)
     # How sure a reading is depends on what it will be.

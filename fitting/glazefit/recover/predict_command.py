@@ -211,7 +211,7 @@ def _print(made: "Sequence[Prediction]", anew: bool, eye: tuple[str, str], conso
     mixture = "+".join(made[0].paints)
     table = plain_table("film", "over", "", "L*", "a*", "b*", "expected ΔE00", words=(0, 1, 2))
     for found in made:
-        off = found.delta_e(found.draws[:, 0], found.draws[:, 1], *eye).mean(axis=0)
+        off = found.expected_errors(*eye)
         for card, spectrum in enumerate(found.reflectance):
             lab = np.asarray(colour.lab(found.wavelengths, spectrum, illuminant=eye[0], observer=eye[1]))
             shade = swatch(hex_colour(colour.srgb(found.wavelengths, spectrum, illuminant=eye[0])), 4)

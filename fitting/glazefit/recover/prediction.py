@@ -97,8 +97,14 @@ class Prediction:
         self, illuminant: str = "D65", observer: str | int = 10, parts: tuple[str, ...] = PARTS
     ) -> float:
         """Mean CIEDE2000 that the prediction is expected to be off, over both cards, by some of `PARTS` or by all."""
-        draws = self._drawn(parts)
-        return float(np.mean(self.delta_e(draws[:, 0], draws[:, 1], illuminant, observer)))
+        return float(self.expected_errors(illuminant, observer, parts).mean())
+
+    def expected_errors(
+        self, illuminant: str = "D65", observer: str | int = 10, parts: tuple[str, ...] = PARTS
+    ) -> Float[np.ndarray, "2"]:
+        """The same over the black and over the white card."""
+        over_black, over_white = np.moveaxis(self._drawn(parts), 1, 0)
+        return self.delta_e(over_black, over_white, illuminant, observer).mean(axis=0)
 
     def between_mixings(self, illuminant: str = "D65", observer: str | int = 10) -> float:
         """Mean CIEDE2000 between two films of the recipe, over both cards, by the films' own errors."""

@@ -133,6 +133,17 @@ def _discrete(
     return _Discrete(common, nodes, seen, lit, albedo, thickness, even, odd, a, b, rows, columns)
 
 
+def _ground(
+    found: _Discrete, layers: Layers, indices: Float[np.ndarray, "media"], table: GroundTable | None, modes: int
+) -> Bordered:
+    """What the ground sends back into the last medium."""
+    dtype, last = layers.albedo.dtype, indices[-1]
+    weights = [jnp.sqrt(jnp.asarray(found.common.flux * found.nodes.exists[-1], dtype)) / last]
+    weights += [jnp.full(way.cosines.shape[1], 1.0 / last, dtype) for way in (found.seen, found.lit)]
+    cosines = Diagonal(*(way.cosines[-1] for way in (found.nodes, found.seen, found.lit)))
+    return ground_operator(layers.ground, table, cosines, Diagonal(*weights), modes)
+
+
 def opened_stack(
     layers: Layers,
     media: Media,
@@ -162,17 +173,13 @@ def opened_stack(
     above = join(pick(surfaces, 0), pick(upper, 0))
     for k in range(1, cut + 1):
         above = join(join(above, pick(surfaces, k)), pick(upper, k))
-    dtype = layers.albedo.dtype
-    exists = found.nodes.exists
-    last = [jnp.sqrt(jnp.asarray(found.common.flux * exists[-1], dtype)) / indices[-1]]
-    last += [jnp.full(way.cosines.shape[1], 1.0 / indices[-1], dtype) for way in (found.seen, found.lit)]
-    cosines = Diagonal(*(way.cosines[-1] for way in (found.nodes, found.seen, found.lit)))
-    below = ground_operator(layers.ground, None, cosines, Diagonal(*last), modes)
+    below = _ground(found, layers, indices, None, modes)
     for k in range(len(media.layers) - 1, cut - 1, -1):
         slab = pick(lower, k) if k == cut else join(pick(surfaces, k), pick(lower, k))
         between = (slab.below @ below).scaled(-1.0).plus_identity().inverse()
         below = slab.above + slab.up @ (below @ (between @ slab.down))
-    return OpenedStack(above, below, jnp.asarray(found.common.flux * exists[1 + cut], dtype))
+    flux = jnp.asarray(found.common.flux * found.nodes.exists[1 + cut], layers.albedo.dtype)
+    return OpenedStack(above, below, flux)
 
 
 def joined_stack(
@@ -213,10 +220,7 @@ def joined_stack(
     slab = join_all(join(upper, coats))
     ground = None
     if media.below is None:
-        last = [jnp.sqrt(jnp.asarray(common.flux * exists[-1], dtype)) / indices[-1]]
-        last += [jnp.full(way.cosines.shape[1], 1.0 / indices[-1], dtype) for way in (seen, lit)]
-        cosines = Diagonal(*(way.cosines[-1] for way in (nodes, seen, lit)))
-        ground = ground_operator(layers.ground, table, cosines, Diagonal(*last), modes)
+        ground = _ground(found, layers, indices, table, modes)
     else:
         slab = join(slab, jax.tree.map(lambda leaf: leaf[-1], surfaces))
 
