@@ -152,6 +152,22 @@ def test_paints_of_one_source_are_wrong_together():
     assert np.all(relative_errors([one], Discrepancy()) == 0)
 
 
+def test_what_the_modes_leave_out_is_in_the_standard_deviations():
+    """Modes and the rest make up what is stated; with what counts at most as the limit of both."""
+    k, s, ones = np.full(GRID.size, 1e4), np.full(GRID.size, 2e4), np.ones((1, 2, GRID.size))
+    stated = np.array([0.13, 0.9])
+    blue = Pigment(
+        "Blue", GRID, k, s, absorption_sd=stated[0] * k, scattering_sd=stated[1] * s, error_modes=0.05 * ones
+    )
+    rest = relative_errors([blue], BETWEEN_FILMS)[0]
+    held = error_modes([blue], BETWEEN_FILMS)[0]
+    np.testing.assert_allclose(rest[0], 0.12)
+    np.testing.assert_allclose(np.sqrt(rest**2 + np.sum(held**2, axis=-1))[1], BETWEEN_FILMS.most)
+    # Modes that are larger than what is stated leave nothing.
+    sure = Pigment("Blue", GRID, k, s, absorption_sd=0.01 * k, scattering_sd=0.01 * s, error_modes=0.05 * ones)
+    assert np.all(relative_errors([sure], BETWEEN_FILMS) == 0)
+
+
 def test_error_modes_are_capped_and_read_back(tmp_path):
     lines = ["pigment,wavelength_nm,absorption,scattering,k_mode_1,s_mode_1,k_mode_2,s_mode_2"]
     lines += [f"Blue,{nm},1e4,2e4,.1,-.2,3,0" for nm in (400, 500, 600)]

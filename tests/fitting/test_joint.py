@@ -26,6 +26,7 @@ from glazefit.recover.joint_problem import (
 )
 from glazefit.recover.joint_solver import covariance, factorise, least_squares, look, solve
 from glazefit.recover.known import Gauge, tell
+from glazefit.recover.left_open import LeftOpen
 from glazefit.recover.prediction import predict_films
 from glazejax import Pigment
 
@@ -131,6 +132,34 @@ def test_covariance_equals_the_dense_inverse(small, dense_jacobian):
             found.with_others[:, band], whole[len(whole) - others :, rows], rtol=1e-6, atol=1e-10
         )
     np.testing.assert_allclose(found.shared, whole[count:, count:], rtol=1e-6, atol=1e-10)
+
+
+def test_error_modes_are_the_largest_of_the_dense_inverse(small, dense_jacobian):
+    """All bands together, errors of what is known among them; and what is left where the others are known."""
+    problem, response, point = small
+    factors = factorise(look(problem, response, point).normal)
+    flat, unravel = ravel_pytree(point)
+    added = np.asarray(jax.jacfwd(lambda y: ravel_pytree(totals(unravel(y), problem))[0])(flat))
+    whole = added @ np.linalg.inv(dense_jacobian.T @ dense_jacobian) @ added.T
+    count, others = point.bands.size, len(problem.thickness_modes)
+    first = len(whole) - others
+    inner, across, own = whole[:count, :count], whole[first:, :count], whole[first:, first:]
+    left = LeftOpen(factors, np.asarray(problem.band_modes), spread(point, problem, factors, 1).with_others)
+
+    size = np.linspace(0.1, 1.0, count).reshape(point.bands.shape)
+    for some, expected, given in (
+        (6, inner, ()),
+        (count, inner, ()),
+        (6, inner - across.T @ np.linalg.solve(own, across), tuple(range(others))),
+    ):
+        slopes = np.linalg.solve(own, across).reshape(others, *point.bands.shape) if given else None
+        modes = left.largest(size, some, given, slopes)
+        scaled = expected * np.outer(size, size)
+        values, vectors = np.linalg.eigh(scaled)
+        best = (vectors[:, -some:] * values[-some:]) @ vectors[:, -some:].T
+        found = modes.reshape(some, -1)
+        assert modes.shape == (some, *point.bands.shape)
+        np.testing.assert_allclose(found.T @ found, best, atol=1e-4 * values[-1])
 
 
 def test_steps_end_where_the_cost_has_no_slope(small):

@@ -158,21 +158,36 @@ def model_covariance(
 
 
 def relative_errors(pigments: Sequence[Pigment], discrepancy: Discrepancy) -> Float[np.ndarray, "paints 2 bands"]:
-    """Standard deviations of log k and log s that pigments carry, as far as the discrepancy counts them."""
+    """Standard deviations of log k and log s that pigments carry beside their error modes, as far as the discrepancy
+    counts them: what their stated ones are more than their modes hold.
+    """
 
-    def share(value: Array, sd: Array | None) -> np.ndarray:
+    def share(value: Array, sd: Array | None, modes: np.ndarray | None) -> np.ndarray:
         values = np.asarray(value, dtype=np.float64)
         if sd is None:
-            return np.full(values.shape, discrepancy.unstated)
+            return np.full(values.shape, discrepancy.unstated if modes is None else 0.0)
         # Without any absorption its relative error does not matter: the readings' slope is 0.
-        return np.divide(np.asarray(sd), values, out=np.zeros_like(values), where=values > 0)
+        stated = np.divide(np.asarray(sd), values, out=np.zeros_like(values), where=values > 0)
+        held = 0.0 if modes is None else np.sum(modes**2, axis=0)
+        return np.sqrt(np.maximum(np.minimum(stated, discrepancy.most) ** 2 - held, 0.0))
 
     def both(pigment: Pigment) -> list[np.ndarray]:
-        if pigment.error_modes is not None:
-            return [np.zeros(pigment.wavelengths.shape)] * 2
-        return [share(pigment.absorption, pigment.absorption_sd), share(pigment.scattering, pigment.scattering_sd)]
+        modes = _counted(pigment, discrepancy)
+        return [
+            share(pigment.absorption, pigment.absorption_sd, None if modes is None else modes[:, 0]),
+            share(pigment.scattering, pigment.scattering_sd, None if modes is None else modes[:, 1]),
+        ]
 
-    return np.minimum(np.asarray([both(pigment) for pigment in pigments]), discrepancy.most)
+    return np.asarray([both(pigment) for pigment in pigments])
+
+
+def _counted(pigment: Pigment, discrepancy: Discrepancy) -> Float[np.ndarray, "modes 2 bands"] | None:
+    """A pigment's error modes; where they are larger together than the discrepancy's `most`, as small as that."""
+    if pigment.error_modes is None:
+        return None
+    modes = np.asarray(pigment.error_modes, dtype=np.float64)
+    size = np.sqrt(np.sum(modes**2, axis=0))
+    return modes * np.minimum(1.0, discrepancy.most / np.maximum(size, 1e-12))
 
 
 def error_modes(pigments: Sequence[Pigment], discrepancy: Discrepancy) -> Float[np.ndarray, "paints 2 bands modes"]:
@@ -188,12 +203,9 @@ def error_modes(pigments: Sequence[Pigment], discrepancy: Discrepancy) -> Float[
     bands = pigments[0].wavelengths.size
     out = np.zeros((len(pigments), 2, bands, sum(sources.values())))
     for row, pigment in enumerate(pigments):
-        if pigment.error_modes is not None:
-            modes = np.moveaxis(np.asarray(pigment.error_modes, dtype=np.float64), 0, -1)
-            size = np.sqrt(np.sum(modes**2, axis=-1, keepdims=True))
+        if (modes := _counted(pigment, discrepancy)) is not None:
             start = first[pigment.provenance]
-            fit = modes * np.minimum(1.0, discrepancy.most / np.maximum(size, 1e-12))
-            out[row, :, :, start : start + modes.shape[-1]] = fit
+            out[row, :, :, start : start + len(modes)] = np.moveaxis(modes, 0, -1)
     return out
 
 

@@ -132,26 +132,28 @@ def conditional_modes(
     count, bands = len(recovery.paints), recovery.wavelengths.size
     wanted = [recovery.row(paint) for paint in paints]
     local = np.array([*wanted, *(count + row for row in wanted)])
-    off = (recovery.draws.bands - recovery.unknowns.bands)[:, :, local]
-    slopes, shift = np.zeros((len(others), bands, local.size)), np.zeros((bands, local.size))
+    slopes = np.zeros((len(others), bands, 2 * count))
+    shift = np.zeros((bands, 2 * count))
+    variance = np.diagonal(recovery.log_covariance, axis1=1, axis2=2)
     if len(others):
         picked = np.asarray(others)
-        z = recovery.draws.others - recovery.unknowns.others
-        size = recovery.shared_covariance.shape[0] - z.shape[1]
+        size = recovery.shared_covariance.shape[0] - recovery.unknowns.others.size
         own = recovery.shared_covariance[size:, size:][np.ix_(picked, picked)]
-        slopes = np.einsum("op,pbi->obi", np.linalg.inv(own), recovery.with_others[picked][:, :, local])
-        off = off - np.einsum("do,obi->dbi", z[:, picked], slopes)
+        with_picked = recovery.left_open.with_others[picked]
+        slopes = np.einsum("op,pbi->obi", np.linalg.inv(own), with_picked)
+        variance = variance - np.einsum("obi,obi->bi", slopes, with_picked)
         shift = -np.einsum("o,obi->bi", recovery.unknowns.others[picked], slopes)
     # As large as is used to first order; both parts of an error alike.
-    total = np.sqrt(np.sum(slopes**2, axis=0) + np.mean(off**2, axis=0))
+    total = np.sqrt(np.sum(slopes**2, axis=0) + np.maximum(variance, 0.0))
     held = np.minimum(1.0, MOST_ERROR / np.maximum(total, 1e-12))
-    _, size, shapes = np.linalg.svd((off * held).reshape(len(off), -1) / np.sqrt(len(off)), full_matrices=False)
-    left = (size[:OWN_MODES, None] * shapes[:OWN_MODES]).reshape(-1, bands, local.size)
+    new = np.isin(np.arange(2 * count), local)
+    left = recovery.left_open.largest(held * new, OWN_MODES, others, slopes)[..., local]
 
     def arranged(modes: np.ndarray) -> np.ndarray:
         return modes.reshape(len(modes), bands, 2, len(paints)).transpose(0, 2, 3, 1)
 
-    return arranged(slopes * held), arranged(left), arranged(shift[None])[0], arranged(total[None])[0]
+    inherited = arranged((slopes * held)[..., local])
+    return inherited, arranged(left), arranged(shift[None, :, local])[0], arranged(total[None, :, local])[0]
 
 
 def add_entries(file: PaintFile, made: Sequence[Entry], comments: Sequence[str], *, overwrite: bool = False) -> None:

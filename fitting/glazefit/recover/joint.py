@@ -35,6 +35,7 @@ from .joint_problem import (
 from .joint_result import JointRecovery
 from .joint_solver import Factors, covariance, draws, least_squares, shared_with_bands
 from .known import SLACK, Gauge, Told, tell
+from .left_open import LeftOpen
 
 MAX_STEPS = 100
 UNIT = 25e-6
@@ -136,7 +137,7 @@ def recover_jointly(
         noise=noise,
         known=tuple(paint for paint, is_known in zip(paints, told.known, strict=True) if is_known),
         known_modes=told.modes_of,
-        with_others=found.with_others,
+        left_open=LeftOpen(factors, np.asarray(problem.band_modes), found.with_others),
         gauged=gauge is not None,
         measured_gloss=measured_gloss,
     )

@@ -13,10 +13,11 @@ from ..film.films import Films, Instrument, Noise
 from ..film.mixing import MixingLaw
 from .joint_problem import Expectations, Unknowns
 from .known import Modes
+from .left_open import LeftOpen
 from .result import FittedFilms, delta_e_over_cards
 
-MODES = 32
-"""Error modes that a pigment of a joint fit carries."""
+MODES = 64
+"""Error modes that a pigment of a joint fit carries; what they leave out is in its standard deviations."""
 MOST_ERROR = 0.5
 """Largest standard deviation of log k or log s in error modes."""
 RELATIVE_LIMIT = 0.5
@@ -47,7 +48,7 @@ class JointRecovery(FittedFilms):
         noise: of a reading, as given or as told from the readings.
         known: names of the paints that were known before.
         known_modes: known paint -> its error modes' places among the unknowns' `others`.
-        with_others: covariance of the others with log k of all paints, then log s, (others, bands, 2 paints).
+        left_open: covariance of log k of all paints, then log s, at all bands together.
         gauged: whether thicknesses were measured.
         measured_gloss: gloss of each film as measured, NaN where it was not, (films,).
     """
@@ -72,7 +73,7 @@ class JointRecovery(FittedFilms):
     noise: Noise
     known: tuple[str, ...]
     known_modes: Mapping[str, Modes]
-    with_others: Float[np.ndarray, "others bands coefficients"]
+    left_open: LeftOpen
     gauged: bool
     measured_gloss: Float[np.ndarray, "films"]
 
@@ -143,17 +144,14 @@ class JointRecovery(FittedFilms):
         return {self.paints[p]: float(share) for p, share in enumerate(self.shares[film]) if share > 0}
 
     def error_modes(self, count: int = MODES) -> Float[np.ndarray, "modes 2 paints bands"]:
-        """What the films leave open in log k and log s of all paints together, as the largest modes of the draws.
+        """What the films leave open in log k and log s of all paints together: the largest modes of the covariance.
 
         A coefficient that is known worse than to a factor of exp(`MOST_ERROR`) counts as known to that: errors are
         used to first order, which says nothing beyond.
         """
-        off = self.draws.bands - self.unknowns.bands
-        off = off * np.minimum(1.0, MOST_ERROR / np.maximum(off.std(axis=0), 1e-12))
-        off = off.reshape(len(off), len(self.wavelengths), 2, len(self.paints)).transpose(0, 2, 3, 1)
-        _, size, shapes = np.linalg.svd(off.reshape(len(off), -1) / np.sqrt(len(off)), full_matrices=False)
-        modes = size[:count, None] * shapes[:count]
-        return modes.reshape(-1, 2, len(self.paints), len(self.wavelengths))
+        sd = np.sqrt(np.diagonal(self.log_covariance, axis1=1, axis2=2))
+        modes = self.left_open.largest(np.minimum(1.0, MOST_ERROR / np.maximum(sd, 1e-12)), count)
+        return modes.reshape(len(modes), len(self.wavelengths), 2, len(self.paints)).transpose(0, 2, 3, 1)
 
     def row(self, paint: str) -> int:
         """Number of a paint.

@@ -228,15 +228,43 @@ def _inverse_root(matrix: Float[np.ndarray, "n n"]) -> Float[np.ndarray, "n n"]:
 def solve(factors: Factors, vector: Unknowns) -> Unknowns:
     """Solve the normal equations for one right-hand side."""
     pairs, n, _ = factors.border.shape
-    forward = np.pad(vector.bands, ((0, 2 * pairs - len(vector.bands)), (0, 0))).reshape(pairs, n)
+    bands = np.pad(vector.bands, ((0, 2 * pairs - len(vector.bands)), (0, 0))).reshape(pairs, n)
     shared = np.concatenate([np.ravel(part) for part in vector[1:]])
-    for pair in range(pairs):
+    solved, common = _solve_blocks(factors, bands, shared)
+    return unflattened(solved[None], common[None], vector, 0)
+
+
+def _solve_blocks(
+    factors: Factors, bands: Float[np.ndarray, "pairs n *columns"], shared: Float[np.ndarray, "shared *columns"]
+) -> tuple[Float[np.ndarray, "pairs n *columns"], Float[np.ndarray, "shared *columns"]]:
+    """Solve the normal equations, for several right-hand sides at once where there are columns."""
+    forward = np.array(bands)
+    for pair in range(len(forward)):
         before = factors.below[pair] @ forward[pair - 1] if pair else 0.0
         forward[pair] = factors.roots[pair] @ (forward[pair] - before)
-    rest = shared - np.einsum("pns,pn->s", factors.border, forward)
+    rest = shared - np.einsum("pns,pn...->s...", factors.border, forward)
     common = factors.corner.T @ (factors.corner @ rest)
-    bands = _back(factors, forward - factors.border @ common)
-    return unflattened(bands[None], common[None], vector, 0)
+    return _back(factors, forward - factors.border @ common), common
+
+
+def covariance_times(
+    factors: Factors, vectors: Float[np.ndarray, "bands local columns"], modes: Float[np.ndarray, "others bands local"]
+) -> Float[np.ndarray, "bands local columns"]:
+    """The whole covariance of all bands' coefficients times some vectors; never formed, as it may be huge.
+
+    Args:
+        factors: of the normal matrix.
+        vectors: one a column.
+        modes: how the last of the shared unknowns move the bands.
+    """
+    bands, local, columns = vectors.shape
+    pairs, n, shared = factors.border.shape
+    inside = np.pad(vectors, ((0, 2 * pairs - bands), (0, 0), (0, 0))).reshape(pairs, n, columns)
+    right = np.zeros((shared, columns))
+    right[shared - len(modes) :] = np.einsum("obi,bic->oc", modes, vectors)
+    solved, common = _solve_blocks(factors, inside, right)
+    own = solved.reshape(2 * pairs, local, columns)[:bands]
+    return own + np.einsum("obi,oc->bic", modes, common[shared - len(modes) :])
 
 
 def draws(factors: Factors, like: Unknowns, count: int, seed: int = 0) -> Unknowns:

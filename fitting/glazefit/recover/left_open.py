@@ -1,0 +1,87 @@
+"""What a joint fit leaves open in k and s of all paints at all wavelengths: the largest parts of its covariance.
+
+The covariance of thousands of coefficients is known by the factors of the normal matrix, and is never formed. Draws from
+it would do too, but a few hundred say a small paint's errors no better than to a fifth.
+"""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from .joint_solver import Factors, covariance_times
+
+# More vectors than are wanted, and how often the covariance is applied: the last modes are then good to some per cent.
+_SPARE, _ROUNDS = 16, 8
+
+Columns = Float[np.ndarray, "bands local columns"]
+
+
+class LeftOpen(NamedTuple):
+    """The whole covariance of the bands' coefficients, log k of all paints and then log s.
+
+    Attributes:
+        factors: of the normal matrix.
+        modes: how the others move the coefficients.
+        with_others: covariance of the others with the coefficients.
+    """
+
+    factors: Factors
+    modes: Float[np.ndarray, "others bands local"]
+    with_others: Float[np.ndarray, "others bands local"]
+
+    def times(self, vectors: Columns) -> Columns:
+        """The covariance times some vectors."""
+        return covariance_times(self.factors, vectors, self.modes)
+
+    def largest(
+        self,
+        size: Float[np.ndarray, "bands local"],
+        count: int,
+        known: Sequence[int] = (),
+        slopes: Float[np.ndarray, "known bands local"] | None = None,
+    ) -> Float[np.ndarray, "modes bands local"]:
+        """The largest modes of the coefficients' errors.
+
+        Args:
+            size: factor of each coefficient's error, 0 for those that do not matter.
+            count: of the modes, at most.
+            known: others by number that are taken to be known.
+            slopes: of the coefficients by each of these.
+        """
+        with_known = self.with_others[list(known)]
+
+        def times(vectors: Columns) -> Columns:
+            scaled = vectors * size[..., None]
+            out = self.times(scaled)
+            if slopes is not None and len(slopes):
+                out = out - np.einsum("obi,oc->bic", slopes, np.einsum("obi,bic->oc", with_known, scaled))
+            return out * size[..., None]
+
+        return largest_modes(times, size.shape, count)
+
+
+def largest_modes(
+    times: Callable[[Columns], Columns], shape: tuple[int, ...], count: int
+) -> Float[np.ndarray, "modes bands local"]:
+    """Eigenvectors of a covariance times the roots of its eigenvalues, largest first, by subspace iteration.
+
+    Args:
+        times: the covariance times some vectors.
+        shape: of one vector.
+        count: of the modes; there are no more than numbers in a vector.
+    """
+    numbers = int(np.prod(shape))
+    columns = min(count + _SPARE, numbers)
+
+    def flat(basis: np.ndarray) -> np.ndarray:
+        return times(basis.reshape(*shape, -1)).reshape(numbers, -1)
+
+    basis = np.random.default_rng(0).standard_normal((numbers, columns))
+    for _ in range(_ROUNDS):
+        basis, _ = np.linalg.qr(flat(basis))
+    values, vectors = np.linalg.eigh(basis.T @ flat(basis))
+    last = slice(-min(count, columns), None)
+    modes = (basis @ vectors[:, last]) * np.sqrt(np.maximum(values[last], 0.0))
+    return modes.T[::-1].reshape(-1, *shape)
