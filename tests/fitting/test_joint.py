@@ -75,6 +75,8 @@ def small(request):
         films = dataclasses.replace(films, assumed=assumed, opaque=opaque)
         told = tell(films, paints, {"ZincWhite": known_white(rng)}, Gauge({"tint": 30e-6}), 25e-6, 0.3)
     problem = pose(films, law.shares(weights, paints), law, Instrument(), Noise(), Expectations(), told)
+    # The blue's own film is nearly black at some bands.
+    assert np.any(problem.steepness)
     point = Unknowns(
         jnp.asarray(rng.normal(-0.5, 0.7, (GRID.size, 6))),
         jnp.asarray(rng.normal(0, 0.1, problem.film_scale.shape)),
@@ -252,6 +254,36 @@ def test_recovers_paints_within_their_errors():
     assert np.abs(off / result.log_sd[:, order])[known].max() < 4.5
     ratio = off[0] - off[1]
     assert np.mean(np.abs(ratio) < 2 * result.log_ratio_sd[order]) > 0.85
+
+
+def test_bronzing_is_not_taken_for_scattering():
+    """A black whose surface reflects more in the red: less of it is taken for scattering."""
+    recipes = {
+        "black": {"BoneBlack": 100.0},
+        "white": {"ZincWhite": 100.0},
+        "grey": {"ZincWhite": 90.0, "BoneBlack": 10.0},
+        "pale": {"ZincWhite": 98.0, "BoneBlack": 2.0},
+        "blue": {"CobaltBlue": 100.0},
+        "tint": {"CobaltBlue": 20.0, "ZincWhite": 80.0},
+    }
+    k, s = truth()
+    _, weights = weight_table(tuple(recipes), recipes)
+    shares = weights / weights.sum(axis=1, keepdims=True)
+    order = [weight_table(tuple(recipes), recipes)[0].index(paint) for paint in PAINTS]
+    clean = simulate_films(tuple(recipes), GRID, shares[:, order] @ k, shares[:, order] @ s, noise=Noise())
+    bronze = np.where(np.arange(6)[:, None] == 0, 0.01 * ((GRID - 400) / 300) ** 2, 0.0)
+    films = dataclasses.replace(clean, over_black=clean.over_black + bronze, over_white=clean.over_white + bronze)
+
+    def rise(expectations: Expectations) -> dict[str, float]:
+        found = recover_jointly(films, recipes, expectations=expectations)
+        return {paint: float(np.ptp(np.log(found.scattering[found.row(paint)]))) for paint in PAINTS}
+
+    steep, flat = rise(Expectations(slope_s=100.0)), rise(Expectations())
+    assert steep["BoneBlack"] > 1.0
+    assert flat["BoneBlack"] < 0.6 * steep["BoneBlack"]
+    # Paints that are seen are as they were.
+    for paint in ("CobaltBlue", "ZincWhite"):
+        assert flat[paint] == pytest.approx(steep[paint], abs=0.05)
 
 
 def test_a_film_left_out_is_predicted():

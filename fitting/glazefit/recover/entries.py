@@ -21,6 +21,7 @@ from glazejax.paint.pigment_table import read_pigments
 
 from .joint_result import MOST_ERROR, JointRecovery
 from .known import error_modes
+from .left_open import mode_cell
 
 OWN_MODES = 16
 """Error modes that are a new paint's own."""
@@ -217,7 +218,7 @@ def _rows(entry: Entry, titles: Sequence[str]) -> list[list[str]]:
     def cell(title: str, band: int) -> str:
         if title in words:
             return words[title][band]
-        digits = ".3g" if "_mode_" in title else ".6g"
-        return format(values.get(title, nothing)[band], digits)
+        value = float(values.get(title, nothing)[band])
+        return mode_cell(value) if "_mode_" in title else format(value, ".6g")
 
     return [[cell(title, band) for title in titles] for band in range(grid.size)]

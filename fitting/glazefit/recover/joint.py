@@ -28,6 +28,7 @@ from .joint_problem import (
     deviations,
     minor_parts,
     model_deviation,
+    nearly_black,
     optical_thickness,
     readings,
     totals,
@@ -172,8 +173,11 @@ def pose(
     # A sum over the bands of pulls of sd * sqrt(bands) each is a pull of the mean by sd.
     pull = np.repeat([expected.level_k, expected.level_s], paints, axis=0) * [1.0, np.sqrt(len(films.wavelengths))]
     stiffness = np.repeat([1.0 / expected.curvature_k, 1.0 / expected.curvature_s], paints)
+    black_at = nearly_black(np.moveaxis(measured, -1, 1), shares, instrument.seen_surface)
+    step = expected.slope_s * np.sqrt(np.diff(films.wavelengths) / 10.0)
+    steepness = np.tile((black_at[1:] & black_at[:-1]) / step[:, None], 2) * np.repeat([0.0, 1.0], paints)
     fixed = np.tile(told.known, 2)
-    pull[fixed], stiffness[fixed] = (0.0, SLACK), 0.0
+    pull[fixed], stiffness[fixed], steepness[:, fixed] = (0.0, SLACK), 0.0, 0.0
     gloss = np.full(count, np.nan) if gloss is None else gloss
     scale[~np.isnan(gloss), 1] = GLOSS_SD
     arrays = {
@@ -185,6 +189,7 @@ def pose(
         "surface": instrument.seen_surface,
         "curvature": curvature_matrix(films.wavelengths),
         "stiffness": stiffness,
+        "steepness": steepness,
         "pull": np.stack([pull[:, 0], 1.0 / pull[:, 1]], axis=1),
         "film_scale": scale,
         "paint_mean": np.stack([paint_gloss(films, shares, instrument, noise), np.zeros(paints)], axis=1),

@@ -7,7 +7,8 @@ largest; of every paint the logs of its gloss and of its strength. A reading ove
     R = R_s exp(sum_p w_p m_p + g_f) + body(d_f sum_p c_p k_p, d_f sum_p c_p s_p, rho)
 
 with c from the mixing law and the weights, each weight times exp(e). Everything is a sum of squares: residuals of
-the readings, the curvature of log k and log s along the wavelengths, and the priors.
+the readings, the curvature of log k and log s along the wavelengths, the steps of log s where a paint is nearly black,
+and the priors.
 
 What else may be off, all standard normal beforehand, are the `others` (see `known`): error modes of paints that are
 known already, the level of cards that were not measured, and a factor of all thicknesses. They are added to the bands'
@@ -19,12 +20,15 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ..film.films import Noise
 from ..film.least_squares import root_of_log1p
 from ..film.mixing import strengthen
 from ..film.response import HIGHEST, Response
+
+# A film that reflects less than this beside its surface is nearly black.
+_BLACK = 0.03
 
 
 class Expectations(NamedTuple):
@@ -51,6 +55,9 @@ class Expectations(NamedTuple):
     """Of the second difference of log k over 10 nm."""
     curvature_s: float = 0.1
     """Of the second difference of log s over 10 nm."""
+    slope_s: float = 0.25
+    """Of the first difference of log s over 10 nm where a paint's own film is nearly black, each step independent of
+    the others. There s is read from thousandths of reflectance, and bronzing would pass for it."""
     level_k: tuple[float, float] = (0.0, 3.0)
     """Mean and standard deviation of a paint's log(k d) for a film of unit thickness, averaged over the bands: little.
 
@@ -85,6 +92,7 @@ class JointProblem(NamedTuple):
     surface: Float[Array, ""]
     curvature: Float[Array, "inner bands"]  # second difference in units of (10 nm)^-2, for a weight of 1
     stiffness: Float[Array, "local"]  # one over the expected curvature
+    steepness: Float[Array, "steps local"]  # one over the expected step from band to band, 0 where any will do
     pull: Float[Array, "local 2"]  # mean and one over the standard deviation of log k and log s
     known: Float[Array, "bands local"]  # added to the mean: logs of paints that are known
     film_scale: Float[Array, "films 2+parts"]  # standard deviations expected
@@ -105,6 +113,7 @@ class JointResiduals(NamedTuple):
 
     data: Float[Array, "bands films 2"]
     curvature: Float[Array, "inner local"]
+    steps: Float[Array, "steps local"]
     pull: Float[Array, "bands local"]
     films: Float[Array, "films 2+parts"]
     paints: Float[Array, "paints 2"]
@@ -158,6 +167,7 @@ def residuals(unknowns: Unknowns, args: tuple[JointProblem, Response]) -> JointR
     return JointResiduals(
         data=(readings(unknowns, problem, response) - problem.reading) * problem.weight,
         curvature=(problem.curvature @ unknowns.bands) * problem.stiffness,
+        steps=jnp.diff(unknowns.bands, axis=0) * problem.steepness,
         pull=(unknowns.bands - problem.pull[:, 0] - problem.known) * problem.pull[:, 1],
         films=jnp.concatenate([expected[:, :2], heavy_tail(expected[:, 2:], problem.tail)], axis=1),
         paints=(unknowns.paints - problem.paint_mean) / problem.paint_scale,
@@ -188,6 +198,15 @@ def curvature_matrix(wavelengths: Float[np.ndarray, "bands"]) -> Float[np.ndarra
         weights = 2.0 / (left + right) * np.array([1.0 / left, -1.0 / left - 1.0 / right, 1.0 / right])
         matrix[row, row : row + 3] = weights * 100.0 * np.sqrt((left + right) / 20.0)
     return matrix
+
+
+def nearly_black(
+    readings: Float[np.ndarray, "films cards bands"], shares: Float[np.ndarray, "films paints"], surface: float
+) -> Bool[np.ndarray, "bands paints"]:
+    """Where the film with most of a paint, if it is the larger part, reflects hardly more than its surface does."""
+    body = np.nanmax(readings, axis=1, initial=0.0) - surface
+    purest = shares.argmax(axis=0)
+    return (body[purest].T < _BLACK) & (shares.max(axis=0) > 0.5)
 
 
 def minor_parts(shares: Float[np.ndarray, "films paints"]) -> Float[np.ndarray, "films parts paints"]:

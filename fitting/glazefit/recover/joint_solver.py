@@ -1,8 +1,8 @@
 """The linear step of a joint recovery: thousands of unknowns, solved by their structure.
 
 Readings at one band know the coefficients of that band and the shared numbers; curvature ties a band to its two
-neighbours on either side. Ordered by bands, two bands a block, the normal equations are block tridiagonal with a border
-of shared unknowns, so a step costs bands x paints^3, not (bands x paints)^3.
+neighbours on either side, a step to one. Ordered by bands, two bands a block, the normal equations are block
+tridiagonal with a border of shared unknowns, so a step costs bands x paints^3, not (bands x paints)^3.
 
 Columns of the Jacobian are found by differentiating along unit steps of all bands at once, and of all films at once: a
 reading moves with its own only. That is one compiled program; the blocks are then solved in NumPy, which takes
@@ -27,6 +27,8 @@ _WIDER, _NARROWER = 3.5, 0.25
 _LEAST_STEP = 1e-12
 # In units of a logarithm, and relative: a thousandth of a coefficient.
 _SETTLED = 1e-3
+# One over the damping above which a small step says that the fit is done; damped more, it may be small for that.
+_FREE = 1.0
 
 
 class Normal(NamedTuple):
@@ -96,7 +98,7 @@ def least_squares(problem: JointProblem, response: Response, start: Unknowns, fi
         reached = float(here.cost) - float(there.cost)
         share = reached / gain if np.isfinite(reached) and gain > 0 else -1.0
         if share > 0:
-            settled = _small(move, tried) and reached < _SETTLED * (1.0 + float(there.cost))
+            settled = step >= _FREE and _small(move, tried) and reached < _SETTLED * (1.0 + float(there.cost))
             point, here = tried, there
         elif gain <= _SETTLED**2 * float(here.cost):
             settled = True
@@ -159,7 +161,8 @@ def normal_matrix(along: Callable[[Unknowns], JointResiduals], point: Unknowns, 
     gloss = jnp.einsum("pbfc,qbfc->pq", by_paint_data, by_paint_data) + jnp.diag(alone)
     corner = jnp.block([[jax.scipy.linalg.block_diag(*own), between], [between.T, gloss]])
     curvature = problem.curvature.T @ problem.curvature
-    return _paired(inner, jnp.concatenate([to_films, to_paints], axis=-1), corner, curvature, problem.stiffness)
+    border = jnp.concatenate([to_films, to_paints], axis=-1)
+    return _paired(inner, border, corner, curvature, problem.stiffness, problem.steepness)
 
 
 def _squares(columns: Float[Array, "n *each"]) -> Float[Array, "n"]:
@@ -173,8 +176,9 @@ def _paired(
     corner: Float[Array, "shared shared"],
     curvature: Float[Array, "bands bands"],
     stiffness: Float[Array, "m"],
+    steepness: Float[Array, "steps m"],
 ) -> Normal:
-    """Blocks of two bands, with the coupling by curvature; an odd band gets an empty partner."""
+    """Blocks of two bands, with the coupling by curvature and by steps; an odd band gets an empty partner."""
     bands, m = inner.shape[:2]
     pairs = -(-bands // 2)
     spare = 2 * pairs - bands
@@ -187,6 +191,13 @@ def _paired(
     diagonal = jnp.einsum("pab,ij->paibj", ties[here, :, here, :], stiff)
     diagonal = diagonal.at[:, 0, :, 0, :].add(inner[0::2]).at[:, 1, :, 1, :].add(inner[1::2])
     lower = jnp.einsum("pab,ij->paibj", ties[here, :, before, :], stiff)
+    # Steps within a pair, and from each pair's second band to the next pair's first.
+    own = jax.vmap(jnp.diag)(jnp.pad(steepness**2, ((0, 2 * pairs - len(steepness)), (0, 0))))
+    within, across = own[0::2], own[1::2]
+    diagonal = diagonal.at[:, 0, :, 0, :].add(within).at[:, 1, :, 1, :].add(within + across)
+    diagonal = diagonal.at[:, 0, :, 1, :].add(-within).at[:, 1, :, 0, :].add(-within)
+    diagonal = diagonal.at[1:, 0, :, 0, :].add(across[:-1])
+    lower = lower.at[1:, 0, :, 1, :].add(-across[:-1])
     n = 2 * m
     return Normal(diagonal.reshape(pairs, n, n), lower.reshape(pairs, n, n), border.reshape(pairs, n, -1), corner)
 

@@ -1,7 +1,7 @@
 """What a joint fit leaves open in k and s of all paints at all wavelengths: the largest parts of its covariance.
 
-The covariance of thousands of coefficients is known by the factors of the normal matrix, and is never formed. Draws from
-it would do too, but a few hundred say a small paint's errors no better than to a fifth.
+The covariance of thousands of coefficients is known by the factors of the normal matrix, and is never formed. Draws
+from it would do too, but a few hundred say a small paint's errors no better than to a fifth.
 """
 
 from collections.abc import Callable, Sequence
@@ -60,6 +60,11 @@ class LeftOpen(NamedTuple):
             return out * size[..., None]
 
         return largest_modes(times, size.shape, count)
+
+
+def mode_cell(value: float) -> str:
+    """A number of a mode as it is written in a table of paints: a hundred-thousandth is nothing."""
+    return format(round(value, 5) + 0.0, ".3g")
 
 
 def largest_modes(

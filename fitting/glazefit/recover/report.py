@@ -15,6 +15,7 @@ from glazejax.spectra import ranges
 from .crossvalidation import LeftOut
 from .joint_result import RELATIVE_LIMIT, JointRecovery
 from .joint_result import RULE as JOINT_RULE
+from .left_open import mode_cell
 from .prediction import PARTS
 from .result import RULE, Recovery
 
@@ -236,7 +237,7 @@ def write_joint_pigments(recovery: JointRecovery, thickness: float, path: Path, 
     numbers = np.moveaxis(modes, (2, 3), (0, 1)).transpose(0, 1, 3, 2).reshape(-1, 2 * len(modes))
     titles = [f"{what}_mode_{i + 1}" for what in "ks" for i in range(len(modes))]
     flagged = _flagged(rows, recovery.identifiable)
-    joined = ((*row, *(f"{value:.3g}" for value in more)) for row, more in zip(flagged, numbers, strict=True))
+    joined = ((*row, *map(mode_cell, more.tolist())) for row, more in zip(flagged, numbers, strict=True))
     write_table(path, (*PIGMENT_COLUMNS, *titles), joined, overwrite=overwrite)
 
 
