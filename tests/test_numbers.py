@@ -111,6 +111,17 @@ def draws() -> str:
     return f"Over all pairs it is nearer in {share:.0f} %"
 
 
+def pigments_first() -> str:
+    (share,) = all_of(r"\nglazejax +\d+% +\d+/55 +(\d+)% +\d+/39", result("truth"))
+    return f"of 39 tints and shades left out of the fit | {share:.0f} %"
+
+
+def none_found() -> str:
+    false, found = all_of(r"\nglazejax .*?\) +(\d+)% +(\d+)%", result("truth"))
+    told = f"called 'none of these' though the paints are there | | {false:.0f} % |"
+    return f"{told} | found to be none, with the family of the main paint taken out | | {found:.0f} % |"
+
+
 @pytest.mark.parametrize(
     ("document", "sentence"),
     [
@@ -128,6 +139,8 @@ def draws() -> str:
         ("README.md", paths),
         ("docs/accuracy.md", monitor),
         ("docs/accuracy.md", draws),
+        ("README.md", pigments_first),
+        ("docs/accuracy.md", none_found),
     ],
     ids=lambda value: value.__name__ if callable(value) else "",
 )
