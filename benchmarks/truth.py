@@ -44,6 +44,7 @@ class Answer(NamedTuple):
     words: str
     explained: bool
     misfit: float  # what `none` is judged by
+    held: tuple[bool, ...]  # whether each true fraction lies in its 90 % interval, where the first is right
 
     @property
     def right(self) -> bool:
@@ -110,6 +111,10 @@ def answer(case: Case, found: Identification) -> Answer:
     first = ranked[0]
     fractions = family(dict(zip(first.paints, first.fractions.tolist(), strict=True)))
     own = frozenset(fractions)
+    held = ()
+    if len(own) > 1 and own == frozenset(case.truth) and len(first.paints) == len(own):
+        ends = zip(first.paints, first.fractions_90.tolist(), strict=True)
+        held = tuple(low <= case.truth[next(iter(family({p: 1.0})))] <= high for p, (low, high) in ends)
     ordered = sorted(chances, key=lambda pigments: (pigments != own, -chances[pigments]))
     return Answer(
         case.name,
@@ -121,6 +126,7 @@ def answer(case: Case, found: Identification) -> Answer:
         found.words(0),
         bool(found.explained[0]),
         float(found.misfit[0]),
+        held,
     )
 
 
@@ -175,7 +181,7 @@ def _peer(films: Films, recipes: dict[str, dict[str, float]], method) -> Callabl
         names = [n for n in films.names if n != case.name]
         library = [n for n in names if all(frozenset({p}) in known for p in known_as[n])]
         ranked, fractions, misfit = method(films, case.row, library, known_as, paints)
-        return Answer(case.name, case.truth, ranked, fractions, 1.0, float("nan"), "", True, misfit)
+        return Answer(case.name, case.truth, ranked, fractions, 1.0, float("nan"), "", True, misfit, ())
 
     return look
 
@@ -307,6 +313,11 @@ def main() -> None:
     for words in ("glazejax", "errors band by band, as before"):
         cells = [f"{stated:.2f} -> {seen:.2f} ({n})" for stated, seen, n, _ in reliability(scored[words][0])]
         results(f"{words:<34} {'   '.join(cells)}")
+    held = [inside for a in full for inside in a.held]
+    results()
+    results(
+        f"90 % INTERVALS of fractions, where the first is right: {np.mean(held):.0%} of {len(held)} hold the true one"
+    )
     conditions(results, films, left)
     results()
     results("FILM BY FILM: truth -> answer; and without the main paint's family")
