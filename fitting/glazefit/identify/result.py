@@ -1,7 +1,7 @@
 """What an identification found: a ranked list for each spectrum, and how sure it is."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 
 import numpy as np
@@ -258,6 +258,8 @@ class Identification:
             condition = CONDITIONS[self.condition[row, n]]
             hidden = self.opaque if condition.opaque is None else condition.opaque
             here = np.flatnonzero(self.members[row, n] != NOBODY)
+            if not here.size:  # A place that other spectra needed.
+                continue
             order = here[np.lexsort((-fractions[row, n, here], self.coats[row, n, here]))]
             share, total = fractions[row, n], float(self.amounts[row, n].sum())
             spread = self._log_sd[1][row, n] * share
@@ -335,8 +337,12 @@ class Identification:
 
     @classmethod
     def join(cls, parts: Sequence["Identification"]) -> "Identification":
-        """Identifications of several batches with the same catalogue as one."""
-        first = parts[0]
+        """Identifications of several batches with the same catalogue as one.
+
+        Batches in which more conditions were tried hold more candidates; the others' further places are empty.
+        """
+        most = max(part.probability.shape[1] for part in parts)
+        parts, first = [part._with_places(most) for part in parts], parts[0]
         measured = Measured.join([part.measured for part in parts])
         arrays = (
             "members",
@@ -353,6 +359,29 @@ class Identification:
         )
         joined = {name: np.concatenate([getattr(part, name) for part in parts]) for name in (*arrays, "fitted")}
         return cls(measured=measured, paints=first.paints, opaque=first.opaque, **joined)
+
+    def _with_places(self, count: int) -> "Identification":
+        """The same with empty places up to a count of candidates."""
+        more = count - self.probability.shape[1]
+        if more == 0:
+            return self
+        names = (
+            "members",
+            "coats",
+            "amounts",
+            "log_covariance",
+            "probability",
+            "rejected",
+            "gloss",
+            "condition",
+            "fitted",
+        )
+        padded = {
+            name: np.concatenate([a := getattr(self, name), np.repeat(a[:, -1:], more, axis=1)], axis=1)
+            for name in names
+        }
+        padded["members"][:, -more:], padded["probability"][:, -more:] = NOBODY, 0.0
+        return replace(self, **padded)
 
 
 def spectral_angle(one: np.ndarray, other: np.ndarray) -> np.ndarray:
