@@ -277,12 +277,12 @@ def test_the_installed_command(tmp_path):
             [*program, *arguments], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False
         )
 
-    good = ("--layers", "UltramarineBlue:12um,Vermillion:12um", "--ground", "0.9", "--tolerance", "1e-3")
+    good = ("--layers", "PrussianBlue:12um,Vermillion:12um", "--ground", "0.9", "--tolerance", "1e-3")
     for _ in range(2):  # The second run takes its programs from the cache.
         done = call(*good, "--overwrite")
         assert (done.returncode, done.stderr) == (0, "")
         assert "taken as 25 µm" in " ".join(done.stdout.split())
-        assert "warning: UltramarineBlue at" in done.stdout
+        assert "warning: PrussianBlue at" in done.stdout
     wrong = call("--layers", "Ultramarin:12um")
     assert wrong.returncode == 2
     assert wrong.stdout == ""

@@ -222,7 +222,7 @@ def test_gradients():
     rng = np.random.default_rng(1)
     for k in range(5):
         inside = (arguments[k] > 0.01) & (arguments[k] < 0.99) if k != 1 else True
-        direction = jnp.asarray(rng.uniform(0.3, 1, arguments[k].shape)) * inside
+        direction = jnp.asarray(rng.uniform(0.3, 1, arguments[k].shape) * np.asarray(inside, float))
         h = 1e-4
         moved = [
             total(*arguments[:k], arguments[k] + offset * h * direction, *arguments[k + 1 :]) for offset in offsets

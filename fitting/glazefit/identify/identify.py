@@ -25,12 +25,15 @@ from ..film.errors import (
 from ..film.films import Films, Instrument, Noise, cards
 from ..film.optics import Optics
 from ..film.response import film_response
-from .result import Identification
+from .result import Identification, Pool
 from .screen import paints_of
 from .search import CHUNK, first_starts, search_chunk
 from .task import IdentificationTask, check_pigments, check_spectra, hiding
 from .untold import search_untold
 from .weigh import weigh
+
+# Spectra whose doubtful ones are sought again together: a few in each chunk would cost as much as all of it.
+_TOGETHER = 4 * CHUNK
 
 
 def identify_chunks(
@@ -103,11 +106,12 @@ def identify_chunks(
     tasks = {False: seen_through, True: seen_through._replace(paints=paints_of(known, thick.thickness), prior=thick)}
     starts = first_starts(tasks[told], measured)
     paints = tuple(pigment.name for pigment in known)
-    for first in range(0, len(measured), CHUNK):
-        rows = np.arange(first, min(first + CHUNK, len(measured)))
-        some = measured.take(rows)
-        found = search_untold(tasks, told, some, search_chunk(tasks[told], measured, rows, starts))
-        yield weigh(some, *found, paints, told, keep)
+    rows = np.arange(len(measured))
+    for together in np.split(rows, range(_TOGETHER, len(rows), _TOGETHER)):
+        chunks = np.split(together, range(CHUNK, len(together), CHUNK))
+        pool = Pool.joined([search_chunk(tasks[told], measured, some, starts) for some in chunks])
+        some = measured.take(together)
+        yield weigh(some, *search_untold(tasks, told, some, pool), paints, told, keep)
 
 
 def identify(

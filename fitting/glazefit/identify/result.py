@@ -106,6 +106,11 @@ class Pool:
         """Candidates of both for the same spectra."""
         return Pool(*(np.concatenate([a, b], axis=1) for a, b in zip(self.parts, other.parts, strict=True)))
 
+    @classmethod
+    def joined(cls, pools: Sequence["Pool"]) -> "Pool":
+        """Candidates of further spectra, as many of each."""
+        return cls(*(np.concatenate(parts) for parts in zip(*(pool.parts for pool in pools), strict=True)))
+
     @property
     def parts(self) -> tuple[np.ndarray, ...]:
         """All arrays."""

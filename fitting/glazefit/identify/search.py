@@ -218,7 +218,9 @@ def _with_allowance(task: IdentificationTask, pool: Pool, some: Measured, slopes
     """
     told = replace(task.discrepancy, coefficient=0.0, level=0.0)
     free = (
-        paints_covariance(slopes, pool.members, task.errors, task.modes, task.wavelengths, told)
+        paints_covariance(
+            slopes, pool.members[..., : slopes.shape[2] // 2], task.errors, task.modes, task.wavelengths, told
+        )
         + fixed_errors(task, some, np.zeros_like(some.noise_sd))[:, None]
     )
     near = near_sd(some).reshape(len(some), 1, -1) ** 2

@@ -14,7 +14,7 @@ from ..film.response import FilmResponse
 from ..film.varnish import varnished, without_varnish, yellow
 from .conditions import CONDITIONS, NOT_OPAQUE, OTHER_GROUNDS, VARNISHES
 from .result import Pool
-from .search import first_starts, independent, search_chunk
+from .search import CHUNK, first_starts, independent, search_chunk
 from .task import IdentificationTask, Measured
 from .weigh import Odds, odds_of
 
@@ -35,7 +35,7 @@ def search_untold(
     Args:
         tasks: for films that let the ground through, and for films that hide it.
         opaque: what was told.
-        measured: at most `CHUNK` spectra.
+        measured: spectra; those in doubt are sought again, `CHUNK` at a time.
         pool: their candidates as told.
     """
     one_ground = measured.readings.shape[1] == 1
@@ -69,7 +69,9 @@ def _under(number: int, tasks: Mapping[bool, IdentificationTask], told: bool, me
         seen = replace(seen, grounds=np.full_like(seen.grounds, condition.ground))
     if condition.varnish:
         seen, change = bared(seen, task.response, task.surface, condition.varnish)
-    pool = search_chunk(task, seen, np.arange(len(seen)), first_starts(task, seen))
+    rows = np.arange(len(seen))
+    chunks = [seen.take(some) for some in np.split(rows, range(CHUNK, len(rows), CHUNK))]
+    pool = Pool.joined([search_chunk(task, some, np.arange(len(some)), first_starts(task, some)) for some in chunks])
 
     def coated(readings: np.ndarray) -> np.ndarray:
         body = readings.reshape(*readings.shape[:2], *measured.readings.shape[1:]) - task.surface
