@@ -5,6 +5,7 @@ import gc
 import os
 import resource
 import sys
+import time
 from pathlib import Path
 
 # Most of the suite's time and memory is compilation. Fast code is for users; here it is compiled quickly instead,
@@ -95,6 +96,16 @@ def shared_data() -> Path:
 def shared_reference() -> Path:
     """Folder of values that other programs computed."""
     return _shared("GLAZEJAX_REFERENCE", "reference")
+
+
+_STARTED = time.monotonic()
+_BUDGET = float(os.environ.get("GLAZEJAX_TEST_SECONDS", "inf"))
+"""Seconds after which no further test begins; those left out are counted as skipped."""
+
+
+def pytest_runtest_setup(item):
+    if time.monotonic() - _STARTED > _BUDGET:
+        pytest.skip(f"not begun: {_BUDGET:.0f} s had gone (GLAZEJAX_TEST_SECONDS)")
 
 
 def _peak_memory() -> float:
