@@ -116,6 +116,16 @@ def pigments_first() -> str:
     return f"of 39 tints and shades left out of the fit | {share:.0f} %"
 
 
+def predicted() -> str:
+    (median,) = all_of(r"median, all +\S+ +(\S+)", result("prediction"))
+    return f"left out of the fit: median ΔE00 | {median:.1f} |"
+
+
+def one_reading() -> str:
+    mean, median = all_of(r"with it (\S+) \((\S+)\)", result("prediction"))
+    return f"is predicted over black within {mean:.2f} on average and {median:.2f} in the median"
+
+
 def none_found() -> str:
     false, found = all_of(r"\nglazejax .*?\) +(\d+)% +(\d+)%", result("truth"))
     told = f"called 'none of these' though the paints are there | | {false:.0f} % |"
@@ -141,6 +151,8 @@ def none_found() -> str:
         ("docs/accuracy.md", draws),
         ("README.md", pigments_first),
         ("docs/accuracy.md", none_found),
+        ("README.md", predicted),
+        ("docs/accuracy.md", one_reading),
     ],
     ids=lambda value: value.__name__ if callable(value) else "",
 )
