@@ -166,6 +166,16 @@ def test_paints_of_one_source_are_wrong_together():
     assert np.all(relative_errors([one], Discrepancy()) == 0)
 
 
+def test_a_clear_film_over_a_ground_that_nobody_told_is_no_answer(shelf):
+    """An extender over a dark ground is as dark as any black paint: what is seen is the ground."""
+    extender, seen_at = catalogue.load()["CalciumCarbonate"], Bidirectional(45.0, 0.0)
+    black = read_film({"CalciumCarbonate": 1.0}, 1.0, np.full((1, GRID.size), 0.04), seen_at)
+    seen = identify(black, GRID, [*shelf, extender], grounds=None, geometry=seen_at, max_paints=2)
+    for candidate in seen.ranked(0):
+        hidden = candidate.probability == 0 or "ground" not in candidate.condition
+        assert hidden or not set(candidate.paints) <= {"CalciumCarbonate", "BariumSulphate"}
+
+
 def test_what_the_modes_leave_out_is_in_the_standard_deviations():
     """Modes and the rest make up what is stated; with what counts at most as the limit of both."""
     k, s, ones = np.full(GRID.size, 1e4), np.full(GRID.size, 2e4), np.ones((1, 2, GRID.size))

@@ -81,6 +81,10 @@ def _under(number: int, tasks: Mapping[bool, IdentificationTask], told: bool, me
     if condition.varnish:
         pool = replace(pool, readings=coated(pool.readings), allowed=coated(pool.allowed))
     weight = pool.log_weight + np.log(condition.chance) + (independent(task) * change)[:, None]
+    if condition.ground is not None:
+        # What hardly shows is no answer over a ground that nobody told: it is the ground that is seen.
+        clear = np.append(task.extenders, True)[pool.members].all(axis=-1)
+        weight = np.where(clear, -np.inf, weight)
     return replace(pool, log_weight=weight, condition=np.full_like(pool.condition, number))
 
 
