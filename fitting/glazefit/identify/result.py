@@ -10,6 +10,7 @@ from scipy.special import expit
 
 from glazejax.catalogue import family
 
+from ..film.variation import MIXED, Variation
 from .conditions import CONDITIONS
 from .task import Measured
 
@@ -18,6 +19,8 @@ NOBODY = -1
 
 # Standard deviations from the middle of a Gaussian to the ends of its central 90 %.
 _NINETY = np.array([-1.6448536269514722, 1.6448536269514722])
+# Of the log of a paint's strength in one film beside others, as is expected of films that nobody else has made.
+_STRENGTH = MIXED.level * Variation().size_of(())
 
 
 @dataclass(frozen=True)
@@ -204,8 +207,13 @@ class Identification:
 
     @cached_property
     def _log_sd(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Standard deviations of the logs of amounts, of fractions and of the thickness."""
-        share, covariance = self.fractions, self.log_covariance
+        """Standard deviations of the logs of amounts, of fractions and of the thickness.
+
+        What the readings leave open, and that a paint is stronger or weaker in one film than in others.
+        """
+        share = self.fractions
+        varied = np.where(self.members != NOBODY, _STRENGTH, 0.0) ** 2
+        covariance = self.log_covariance + varied[..., None] * np.eye(3)
         # d log f = d u - sum f d u, and d log thickness = sum f d u.
         slope = np.eye(3) - share[..., None, :]
         fractions = np.einsum("scij,scjk,scik->sci", slope, covariance, slope)
