@@ -8,7 +8,7 @@ import pytest
 from glazefit import Noise
 from glazefit.identify.conditions import CONDITIONS
 from glazefit.identify.doubts import doubts, may_hold, rests_on
-from glazefit.identify.result import NOBODY, Identification
+from glazefit.identify.result import NOBODY, STRENGTH, Identification
 from glazefit.identify.task import check_spectra
 
 GRID = np.arange(400.0, 701.0, 10.0)
@@ -58,10 +58,10 @@ FIRST = (("CobaltBlue",), [1.0], 0.8, 0, CURVE)
 
 def test_what_the_film_may_hold_too_is_the_end_of_its_interval():
     found = answer([FIRST, (("CobaltBlue", "BariumSulphate"), [0.9, 0.1], 0.1, 0, CURVE)])
-    # Log odds of .1 with independent errors of both logs: sd sqrt(.04 + .04).
-    odds = np.log(0.1 / 0.9) + 1.6448536 * np.sqrt(0.08)
+    # Log odds of .1 with independent errors of both logs, .2 each, and of both paints' strength.
+    odds = np.log(0.1 / 0.9) + 1.6448536 * np.sqrt(2 * (0.04 + STRENGTH**2))
     assert may_hold(found, 0) == pytest.approx({"BariumSulphate": 1 / (1 + np.exp(-odds))}, rel=1e-6)
-    assert "It may also hold up to 15 % BariumSulphate." in doubts(found, 0)
+    assert "It may also hold up to 22 % BariumSulphate." in doubts(found, 0)
 
 
 @pytest.mark.parametrize(

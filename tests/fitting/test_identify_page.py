@@ -15,7 +15,7 @@ from glazefit.identify.contenders import Contenders
 from glazefit.identify.page import DRAWN, page, write_page
 from glazefit.identify.page_figures import draw_spectra
 from glazefit.identify.record import About, input_files, make_record, table_rows
-from glazefit.identify.result import NOBODY, Identification
+from glazefit.identify.result import NOBODY, STRENGTH, Identification
 from glazefit.identify.ruled_out import ruled_out
 from glazefit.identify.task import Measured
 
@@ -335,7 +335,7 @@ def test_intervals_are_those_of_the_log_normal_amounts():
     rng = np.random.default_rng(0)
     for n in range(2):
         size = (found.members[0, n] != NOBODY).sum()
-        covariance = found.log_covariance[0, n, :size, :size]
+        covariance = found.log_covariance[0, n, :size, :size] + STRENGTH**2 * np.eye(size)
         logs = np.log(found.amounts[0, n, :size]) + rng.multivariate_normal(np.zeros(size), covariance, 400_000)
         amounts = np.exp(logs)
         np.testing.assert_allclose(

@@ -10,7 +10,7 @@ from scipy.special import expit
 
 from glazejax.catalogue import family
 
-from ..film.variation import MIXED, Variation
+from ..film.variation import MIXED, PRIOR, SIZES
 from .conditions import CONDITIONS
 from .task import Measured
 
@@ -19,8 +19,8 @@ NOBODY = -1
 
 # Standard deviations from the middle of a Gaussian to the ends of its central 90 %.
 _NINETY = np.array([-1.6448536269514722, 1.6448536269514722])
-# Of the log of a paint's strength in one film beside others, as is expected of films that nobody else has made.
-_STRENGTH = MIXED.level * Variation().size_of(())
+STRENGTH = float(np.hypot(MIXED.level, MIXED.coefficient) * np.sqrt(np.dot(PRIOR, np.square(SIZES))))
+"""Standard deviation of the log of a paint's strength in one film beside others: level and shape of its k and s."""
 
 
 @dataclass(frozen=True)
@@ -212,7 +212,7 @@ class Identification:
         What the readings leave open, and that a paint is stronger or weaker in one film than in others.
         """
         share = self.fractions
-        varied = np.where(self.members != NOBODY, _STRENGTH, 0.0) ** 2
+        varied = np.where(self.members != NOBODY, STRENGTH, 0.0) ** 2
         covariance = self.log_covariance + varied[..., None] * np.eye(3)
         # d log f = d u - sum f d u, and d log thickness = sum f d u.
         slope = np.eye(3) - share[..., None, :]
