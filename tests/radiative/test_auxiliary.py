@@ -231,8 +231,10 @@ def test_gradients():
 
 
 def test_gradients_of_own_steps():
+    own = {"variant": "decomposed", "product": "matrix"}
+
     def total(q, g):
-        return reflectance_factor(q, THICKNESS[:2], g, step=0.16, variant="decomposed", corrected=False).sum()
+        return reflectance_factor(q, THICKNESS[:2], g, step=0.16, corrected=False, **own).sum()
 
     q, g = jnp.asarray(ALBEDO[:2]), jnp.asarray([0.7, 0.9])
     by_albedo, by_ground = jax.grad(total, argnums=(0, 1))(q, g)
@@ -312,7 +314,8 @@ import jax.numpy as jnp, numpy as np
 from glazejax.radiative.auxiliary import reflectance_factor
 rng = np.random.default_rng(0)
 q, d = (jnp.asarray(rng.uniform(0, high, (100, 3))) for high in (1, 1))
-for settings in ({}, {"variant": "decomposed", "corrected": False}):
+own = {"variant": "decomposed", "corrected": False}
+for settings in ({}, {"product": "fft"}, own | {"product": "fft"}, own | {"product": "matrix"}):
     f = lambda q: reflectance_factor(q, d, 0.8, step=0.1, **settings).sum()
     value, slope = jax.value_and_grad(f)(q)
     assert bool(jnp.all(jnp.isfinite(slope)))
@@ -360,6 +363,31 @@ def test_bad_input_says_what_and_how_to_mend(change, message):
     with pytest.raises(ValueError, match=message) as error:
         reflectance_factor(**given)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.usefixtures("unchecked")
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"variant": "decomposed", "product": "slow"}, "product 'slow' is unknown"),
+        ({"variant": "direct", "product": "fft"}, "product 'fft' .* 'decomposed'"),
+        ({"variant": "direct", "product": "matrices"}, "product 'matrices' .* 'decomposed'"),
+        ({"product": "matrices"}, "product 'matrices' .* 'fixed_step' .* 'matrix'"),
+        ({"segments": 100}, "segments is for own steps"),
+        ({"variant": "decomposed", "segments": 0}, "segments is 0"),
+        ({"variant": "decomposed", "segments": 2.5}, "segments is 2.5"),
+        ({"variant": "decomposed", "segments": 100}, "needs 200 segments"),
+    ],
+)
+def test_a_wrong_way_to_multiply_says_what_would_do(change, message):
+    with pytest.raises(ValueError, match=message) as error:
+        reflectance_factor([0.5, 0.5], [1.0, 1.0], 0.5, **change)
+    assert "\n" not in str(error.value)
+
+
+def test_a_traced_thickness_needs_segments_for_own_steps():
+    with pytest.raises(ValueError, match="give segments="):
+        jax.jit(lambda d: reflectance_factor([0.5], d, 0.5, variant="decomposed"))(jnp.ones(1))
 
 
 def test_a_traced_thickness_needs_a_table():

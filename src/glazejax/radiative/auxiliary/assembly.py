@@ -50,15 +50,26 @@ def decomposed(
         refractive_index: n.
     """
 
+    toeplitz, hankel, *ground = decomposed_numbers(step, count, most, refractive_index)
+    return Operator(toeplitz_plus_hankel(toeplitz, hankel), *ground)
+
+
+def decomposed_numbers(
+    step: Float[Array, "stacks"], count: Int[Array, "stacks"], most: int, refractive_index: float
+) -> tuple[Array, Array, Array, Array, Array]:
+    """The numbers themselves, for all stacks at once and without a matrix; arguments as of `decomposed`.
+
+    Returns:
+        First row of H, (stacks, n); U along its anti-diagonals, (stacks, 2n - 1); M and M', (n, stacks); K, (stacks,).
+    """
     values = computed_once(lambda: _values(step, count, most, refractive_index), step)
 
-    def numbers() -> tuple[Array, ...]:
+    def numbers() -> tuple[Array, Array, Array, Array, Array]:
         e2, j1 = values[:2]
         toeplitz = jnp.concatenate([2.0 * (1.0 - e2[:, :1]), e2[:, :-1] - e2[:, 1:]], axis=1)
         return toeplitz, j1[:, :-1] - j1[:, 1:], *_ground(values, count)
 
-    toeplitz, hankel, *ground = computed_once(numbers, step)
-    return Operator(toeplitz_plus_hankel(toeplitz, hankel), *ground)
+    return computed_once(numbers, step)
 
 
 def direct(step: Float[Array, "stacks"], count: Int[Array, "stacks"], most: int, refractive_index: float) -> Operator:

@@ -22,7 +22,7 @@ that is a Toeplitz and a Hankel matrix for all stacks, and only the few rows of 
 """
 
 from collections import OrderedDict
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
@@ -34,13 +34,17 @@ from jaxtyping import Array, Float
 from ..common.inputs import Numbers, batch_of_stacks, check_choice, check_values, concrete, flat_batch
 from ..common.split import Split
 from .kernel_table import MOST_SEGMENTS, KernelTable
-from .uniform_solver import Batch, GridSettings, Variant, solve
+from .uniform_solver import Batch, GridSettings, Product, Variant, solve
 
 # Stacks are gathered by number of segments where that saves so many matrix elements (stacks x Q^2): by a fixed step,
 # where all share one matrix and a call costs the more, and by steps of their own.
 _WORTH_A_BUCKET = {"fixed_step": 2**18, "decomposed": 2**15, "direct": 2**15}
 # Elements of one vector over all stacks of a call.
 _CHUNK_ELEMENTS = 2**20
+# By transforms a stack costs as its segments, not their square: vector elements that are worth a program more.
+_WORTH_A_TRANSFORM = 2**16
+# From so many segments on transforms are faster than the matrix (benchmarks/results/auxiliary_products.txt).
+_TRANSFORMED = {"fixed_step": 1024, "decomposed": 1, "direct": np.inf}
 # From so many segments on, stacks with steps of their own are called one by one: one program serves any number of them.
 _ALONE = 64
 _KEPT_TABLES = 8
@@ -59,15 +63,16 @@ def reflectance_factor(
     variant: Variant = "fixed_step",
     corrected: bool = True,
     table: KernelTable | None = None,
+    product: Product = "auto",
+    segments: int | None = None,
 ) -> Float[Array, "*batch"]:
     """Reflectance factor pi L_out / E_in by the auxiliary function method: the sum of `split_reflectance_factor`.
 
     Arguments, errors, notes and source are those of `split_reflectance_factor`.
     """
     angles = (cos_incidence, cos_viewing)
-    parts = _evaluate(
-        albedo, optical_thickness, substrate_reflectance, refractive_index, angles, step, variant, corrected, table
-    )
+    how = _How(refractive_index, step, variant, corrected, table, product, segments)
+    parts = _evaluate(albedo, optical_thickness, substrate_reflectance, angles, how)
     return jnp.asarray(parts.ground + parts.single + parts.multiple)
 
 
@@ -83,6 +88,8 @@ def split_reflectance_factor(
     variant: Variant = "fixed_step",
     corrected: bool = True,
     table: KernelTable | None = None,
+    product: Product = "auto",
+    segments: int | None = None,
 ) -> Split:
     """Reflectance factor of a stack of layers in its three parts: ground, single and multiple scattering.
 
@@ -103,6 +110,11 @@ def split_reflectance_factor(
             False is the paper as printed, in which a fixed step changes h to a multiple of dh.
         table: of kernels, for "fixed_step"; it grows as needed. By default one for each index and step is kept
             from call to call, the last eight.
+        product: how H + U acts while the equation is solved: "matrix", made for one stack after the other where each
+            has its own; "matrices", made for all stacks at once; "fft", never made, by fast transforms of its Toeplitz
+            and Hankel numbers (`structured`), all stacks at once. "auto" takes the fastest for the number of segments.
+        segments: for steps of a stack's own, how many segments a program has room for: needed under `jax.jit` with a
+            traced thickness, where the thickest stack is not known.
 
     Returns:
         `Split`, each part of the shape of the broadcast batch. Where only the angles vary along an axis, the stacks'
@@ -111,7 +123,7 @@ def split_reflectance_factor(
     Raises:
         ValueError: a value out of range, shapes that do not broadcast, an unknown variant, a table of another index or
             step, a stack of more than `kernel_table.MOST_SEGMENTS` segments, or an optical thickness that is traced
-            by `jax.jit` without a table to say how many segments there may be.
+            by `jax.jit` without a table, or segments, to say how many segments there may be.
 
     Notes:
         The error is of second order in dh where ``corrected``: at most 0.04 (dh/mu)^2, mu the smaller cosine inside, on
@@ -119,30 +131,42 @@ def split_reflectance_factor(
         benchmarks.auxiliary_order` shows both).
         Differentiable by albedo, thickness, ground and the cosines at a fixed number of segments, forward and reverse;
         as printed, the result by a fixed step is piecewise constant in the thickness, so only the corrected one has a
-        derivative worth the name. Under `jax.jit` with a traced thickness give a table that is long enough: a stack
-        beyond it stops the program with an error that names both.
+        derivative worth the name. Under `jax.jit` with a traced thickness give a table (segments, for own steps) that
+        is long enough: a stack beyond it stops the program with an error that names both.
         Stacks of unlike thickness are gathered in a few groups of about as many segments and filled up with segments
         of albedo 0, which scatter nothing and so change nothing.
 
     Source: paper A (Shinozawa et al. 2013), eqs (3)-(5), (17)-(34), sections 4.1 and 4.2.
     """
     angles = (cos_incidence, cos_viewing)
-    parts = _evaluate(
-        albedo, optical_thickness, substrate_reflectance, refractive_index, angles, step, variant, corrected, table
-    )
+    how = _How(refractive_index, step, variant, corrected, table, product, segments)
+    parts = _evaluate(albedo, optical_thickness, substrate_reflectance, angles, how)
     return jax.tree.map(jnp.asarray, parts)
 
 
-def _evaluate(albedo, thickness, ground, refractive_index, cosines, step, variant, corrected, table) -> Split:
+class _How(NamedTuple):
+    """Arguments that are not of a stack."""
+
+    refractive_index: float
+    step: float
+    variant: Variant
+    corrected: bool
+    table: KernelTable | None
+    product: Product
+    segments: int | None
+
+
+def _evaluate(albedo, thickness, ground, cosines, how: _How) -> Split:
     """The parts, as NumPy arrays where all arguments are known."""
+    refractive_index, step, variant, corrected, table, product, segments = how
     given = {"albedo": albedo, "optical_thickness": thickness, "substrate_reflectance": ground}
     given |= {"cos_incidence": cosines[0], "cos_viewing": cosines[1]}
-    _check(given, refractive_index, step, variant)
+    _check(given, how)
     batch, restore = _flatten(given)
     settings = GridSettings(variant, bool(corrected), float(refractive_index), float(step), 0)
     thickness = concrete(batch.thickness)
     if thickness is None:
-        return restore(_traced(batch, settings, table))
+        return restore(_traced(batch, settings, how))
     count = np.asarray(_segments(np.sum(np.asarray(thickness, np.float64), axis=1), settings))
     most = int(count.max(initial=1))
     if most > MOST_SEGMENTS:
@@ -151,15 +175,19 @@ def _evaluate(albedo, thickness, ground, refractive_index, cosines, step, varian
             f"an optical thickness of {thickest:g} at step {step:g} needs {most} segments, more than {MOST_SEGMENTS}; "
             f"use a step of {thickest / MOST_SEGMENTS:.2g} or more, or stack_reflectance_factor, which has no steps"
         )
+    if segments is not None and most > segments:
+        raise ValueError(f"a stack needs {most} segments of step {step:g}, more than the segments={segments} given")
+    settings = settings._replace(product=_chosen(product, settings, segments or most))
+    at_once = settings.product != "matrix"
     vectors = _vectors(_table(table, settings, most), settings)
     angles = max(int(np.prod(batch.cos_incidence.shape[1:])), 1)
     parts, order = [], []
-    for rows, most in _buckets(count, _WORTH_A_BUCKET[variant]):
-        alone = variant != "fixed_step" and most >= _ALONE
+    for rows, most in _groups(count, settings, segments):
+        alone = variant != "fixed_step" and most >= _ALONE and not at_once
         chunk = 1 if alone else max(1, _CHUNK_ELEMENTS // (most * (angles + 1)))
         for start in range(0, rows.size, chunk):
             some = rows[start : start + chunk]
-            size = min(chunk, 1 << (some.size - 1).bit_length())
+            size = min(chunk, _rounded_up(some.size) if at_once else 1 << (some.size - 1).bit_length())
             filled = np.concatenate([some, np.repeat(some[:1], size - some.size)])
             piece = jax.tree.map(lambda leaf, index=filled: leaf[index], batch)
             parts.append(solve(piece, count[filled], vectors(most), settings._replace(most=most)))
@@ -177,8 +205,18 @@ def _evaluate(albedo, thickness, ground, refractive_index, cosines, step, varian
     return restore(jax.tree.map(together, *parts))
 
 
-def _check(given: dict[str, Any], refractive_index: float, step: float, variant: str) -> None:
+def _check(given: dict[str, Any], how: _How) -> None:
+    refractive_index, step, variant, _, _, product, segments = how
     check_choice("variant", variant, Variant)
+    check_choice("product", product, Product)
+    if variant == "direct" and product in ("fft", "matrices"):
+        raise ValueError(f"product {product!r} needs the numbers of H and U, which 'direct' has not; use 'decomposed'")
+    if variant == "fixed_step" and product == "matrices":
+        raise ValueError("product 'matrices' is of no use to variant 'fixed_step', whose stacks share one: 'matrix'")
+    if segments is not None and variant == "fixed_step":
+        raise ValueError("segments is for own steps; give variant 'fixed_step' a table=KernelTable(...) that is long")
+    if segments is not None and not (isinstance(segments, int | np.integer) and 1 <= segments <= MOST_SEGMENTS):
+        raise ValueError(f"segments is {segments}; it must be a whole number from 1 to {MOST_SEGMENTS}")
     if not (np.ndim(step) == 0 and 0 < step < np.inf):
         raise ValueError(f"step is {step}; it must be a positive optical thickness, such as 0.01")
     if isinstance(refractive_index, Tracer) or np.ndim(refractive_index) > 0:
@@ -232,7 +270,23 @@ def _segments(depth, settings: GridSettings):
     return xp.where(depth > 0, xp.maximum(count, 2), 1).astype(int)
 
 
-def _buckets(count: np.ndarray, worth: int) -> list[tuple[np.ndarray, int]]:
+def _chosen(product: Product, settings: GridSettings, most: int) -> Product:
+    """The product asked for, or the fastest for so many segments."""
+    if product != "auto":
+        return product
+    return "fft" if most >= _TRANSFORMED[settings.variant] else "matrix"
+
+
+def _groups(count: np.ndarray, settings: GridSettings, segments: int | None) -> list[tuple[np.ndarray, int]]:
+    """Row numbers of the stacks of a program, and its padded number of segments."""
+    if segments is not None:
+        return [(np.arange(count.size), segments)]
+    if settings.product == "fft":
+        return _buckets(count, _WORTH_A_TRANSFORM, power=1)
+    return _buckets(count, _WORTH_A_BUCKET[settings.variant])
+
+
+def _buckets(count: np.ndarray, worth: int, power: int = 2) -> list[tuple[np.ndarray, int]]:
     """Stacks (row numbers) of about equal segment counts, each with its padded count."""
     distinct, which = np.unique(count, return_inverse=True)
     padded = np.array([_rounded_up(int(c)) for c in distinct], dtype=int)[which]
@@ -242,7 +296,7 @@ def _buckets(count: np.ndarray, worth: int) -> list[tuple[np.ndarray, int]]:
     for k, size in enumerate(sizes):
         waiting = np.concatenate([waiting, np.flatnonzero(padded == size)])
         # What these stacks would cost in the next bucket up.
-        if k + 1 == sizes.size or waiting.size * (sizes[k + 1] ** 2 - size**2) > worth:
+        if k + 1 == sizes.size or waiting.size * (sizes[k + 1] ** power - size**power) > worth:
             buckets.append((np.sort(waiting), int(size)))
             waiting = np.zeros(0, int)
     return buckets
@@ -287,19 +341,31 @@ def _vectors(table: KernelTable | None, settings: GridSettings):
     return printed
 
 
-def _traced(batch: Batch, settings: GridSettings, table: KernelTable | None) -> Split:
-    """Under `jax.jit`: as many segments as the table given has."""
-    if settings.variant != "fixed_step" or table is None or table.segments == 0:
-        raise ValueError(
-            "optical_thickness is traced by jax.jit, so the number of segments is not known; give variant 'fixed_step' "
-            "a table=KernelTable(refractive_index, step, segments) that is long enough, or do not jit"
-        )
-    most = table.segments
+def _traced(batch: Batch, settings: GridSettings, how: _How) -> Split:
+    """Under `jax.jit`: as many segments as the table has, or as the caller says."""
+    table = how.table
+    if settings.variant == "fixed_step":
+        if table is None or table.segments == 0:
+            raise ValueError(
+                "optical_thickness is traced by jax.jit, so the number of segments is not known; give variant "
+                "'fixed_step' a table=KernelTable(refractive_index, step, segments) that is long enough, or do not jit"
+            )
+        most, reach, longer = table.segments, repr(table), "make a table of more segments"
+    else:
+        if how.segments is None:
+            raise ValueError(
+                "optical_thickness is traced by jax.jit, so the number of segments is not known; give segments=, as "
+                f"many as the thickest stack needs at this step, or do not jit (variant {settings.variant!r})"
+            )
+        most, reach, longer = how.segments, f"segments={how.segments}", "give more segments"
+        _table(table, settings, most)
+    vectors = _vectors(table, settings)(most)
+    settings = settings._replace(most=most, product=_chosen(how.product, settings, most))
     count = _segments(jax.lax.stop_gradient(jnp.sum(batch.thickness, axis=1)), settings)
     count = eqx.error_if(
         count,
         count > most,
-        f"a stack is thicker than {most * settings.step:g}, all that {table!r} reaches under jax.jit; make a table of "
-        "more segments, or call without jit, where it grows by itself",
+        f"a stack is thicker than {most * settings.step:g}, all that {reach} reaches under jax.jit; {longer}, or call "
+        "without jit, where it grows by itself",
     )
-    return solve(batch, count, _vectors(table, settings)(most), settings._replace(most=most))
+    return solve(batch, count, vectors, settings)

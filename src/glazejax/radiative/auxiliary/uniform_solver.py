@@ -4,6 +4,7 @@ Arrays have the segment first, then the stack, then axes of angles or, in linear
 """
 
 import functools
+from collections.abc import Callable
 from typing import Literal, NamedTuple
 
 import jax
@@ -15,12 +16,14 @@ from ..common.fresnel import cos_refracted, dielectric_reflectance
 from ..common.kernels import decay_integral
 from ..common.linalg import matmul
 from ..common.split import Split
-from . import assembly
+from . import assembly, structured
 from .contraction import solve_contraction
 from .segments import Segments, append_axes
 
 Variant = Literal["direct", "decomposed", "fixed_step"]
 """How the matrix comes about."""
+Product = Literal["auto", "matrix", "matrices", "fft"]
+"""How it acts: stack after stack, for all at once, or by its Toeplitz and Hankel numbers; "auto" is the fastest."""
 
 
 class GridSettings(NamedTuple):
@@ -31,6 +34,7 @@ class GridSettings(NamedTuple):
     refractive_index: float
     step: float
     most: int
+    product: Product = "matrix"
 
 
 class Batch(NamedTuple):
@@ -57,7 +61,7 @@ def solve(batch: Batch, count: Int[Array, "stacks"], vectors: tuple, settings: G
     vectors = jax.tree.map(lambda v: jnp.asarray(v, batch.albedo.dtype), vectors)
     if settings.variant == "fixed_step" and settings.corrected:
         return _galerkin(batch, count, vectors, settings)
-    if settings.variant == "fixed_step":
+    if settings.variant == "fixed_step" or settings.product != "matrix":
         return _collocation(batch, count, vectors, settings)
 
     def one(stack_and_count: tuple[Batch, Array]) -> Split:
@@ -102,11 +106,11 @@ def _galerkin(batch: Batch, count: Array, vectors: tuple, settings: GridSettings
     # (layers, n + layers, stacks)
     to_all = assembly.computed_once(lambda: jax.lax.map(kernel, faces), 1.0 + depth)
     to_faces, among_faces = to_all[:, : settings.most], to_all[:, settings.most :]
-    among_edges = assembly.toeplitz_plus_hankel(-vectors[0], vectors[1])
+    among_edges = _product(-vectors[0], vectors[1], settings)
 
     def apply(t: Array) -> Array:
         at_edges, at_faces = segments.jumps(t)
-        field_edges = matmul(among_edges, at_edges.reshape(settings.most, -1)).reshape(t.shape)
+        field_edges = among_edges(at_edges)
         field_edges += jnp.sum(to_faces[..., None] * at_faces[:, None], axis=0)
         field_faces = jnp.sum(to_faces[..., None] * at_edges, axis=1)
         field_faces += jnp.sum(among_faces[..., None] * at_faces, axis=1)
@@ -145,13 +149,21 @@ def _collocation(batch: Batch, count: Array, vectors: tuple, settings: GridSetti
     if settings.variant == "fixed_step":
         step = jnp.full_like(depth, settings.step)
         depth = held.astype(step.dtype) * step
-        matrix, *rest = vectors
-        matrix = assembly.toeplitz_plus_hankel(matrix, rest.pop(0))
+        toeplitz, hankel, *rest = vectors
+        times = _product(toeplitz, hankel, settings)
         m, m_integrated, k = _tabulated_ground(rest, held, settings.most)
     else:
         step = jnp.where(present, depth / count.astype(depth.dtype), settings.step)
-        assemble = assembly.direct if settings.variant == "direct" else assembly.decomposed
-        matrix, m, m_integrated, k = assemble(step, held, settings.most, index)
+        if settings.product != "matrix":
+            toeplitz, hankel, m, m_integrated, k = assembly.decomposed_numbers(step, held, settings.most, index)
+            times = _product(toeplitz, hankel, settings)
+        else:
+            assemble = assembly.direct if settings.variant == "direct" else assembly.decomposed
+            matrix, m, m_integrated, k = assemble(step, held, settings.most, index)
+
+            def times(x: Array) -> Array:
+                return _rows_times(x[:, 0].T, matrix[0]).T[:, None]
+
     incident, viewing = (_Beam.make(c, index, depth) for c in (batch.cos_incidence, batch.cos_viewing))
     strength = incident.transmittance / (2.0 * jnp.pi * incident.cosine)
     edges = jnp.arange(settings.most + 1, dtype=depth.dtype)[:, None] * step
@@ -176,12 +188,7 @@ def _collocation(batch: Batch, count: Array, vectors: tuple, settings: GridSetti
 
     def scatter(t: Array) -> Array:
         """1/2 (H + U) P t."""
-        source = albedo[..., None] * t
-        if matrix.ndim == 2:
-            product = matmul(matrix, source.reshape(settings.most, -1)).reshape(t.shape)
-        else:
-            product = _rows_times(source[:, 0].T, matrix[0]).T[:, None]
-        return 0.5 * product
+        return 0.5 * times(albedo[..., None] * t)
 
     scattered, from_ground = _solve(scatter, albedo, once, m)
     reaching = jnp.sum(append_axes(m_integrated * albedo, once) * (once + scattered), axis=0)
@@ -202,6 +209,16 @@ def _solve(apply, weight: Array, once: Array, ground: Array) -> tuple[Array, Arr
     right = jnp.concatenate([once.reshape(*once.shape[:2], -1), ground[..., None]], axis=-1)
     both = solve_contraction(apply, weight[..., None], right)
     return both[..., :-1].reshape(once.shape) - once, both[..., -1]
+
+
+def _product(toeplitz: Array, hankel: Array, settings: GridSettings) -> Callable[[Array], Array]:
+    """x -> (H + U) x of (n, stacks, cases), from numbers that stacks share, (n,), or of their own, (stacks, n)."""
+    if settings.product == "fft":
+        return functools.partial(structured.times_all, structured.spectra(toeplitz, hankel))
+    matrix = assembly.toeplitz_plus_hankel(toeplitz, hankel)
+    if matrix.ndim == 3:
+        return lambda x: jnp.swapaxes(matmul(matrix, jnp.swapaxes(x, 0, 1)), 0, 1)
+    return lambda x: matmul(matrix, x.reshape(settings.most, -1)).reshape(x.shape)
 
 
 def _rows_times(rows: Array, matrix: Array) -> Array:

@@ -1,0 +1,93 @@
+"""H + U by fast transforms: the matrix's product, its solutions and derivatives, in one program for all stacks."""
+
+import re
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from glazejax.radiative.auxiliary import structured, uniform
+from glazejax.radiative.auxiliary.uniform import reflectance_factor, split_reflectance_factor
+from glazejax.radiative.auxiliary.uniform_solver import solve
+
+from .test_auxiliary import ALBEDO, ANGLES, GROUND, STACKS, THICKNESS
+
+# Beside every way to multiply, the one that makes one matrix after the other.
+OWN = {"variant": "decomposed", "step": 0.04}
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 12, 64])
+def test_a_product_is_the_matrix_times_the_vector(n):
+    rng = np.random.default_rng(n)
+    toeplitz, hankel, x = rng.normal(size=(5, n)), rng.normal(size=(5, 2 * n + 2)), rng.normal(size=(n, 5, 3))
+    i = np.arange(n)
+    matrix = toeplitz[:, np.abs(i[:, None] - i)] + hankel[:, i[:, None] + i]
+    own = structured.times_all(structured.spectra(jnp.asarray(toeplitz), jnp.asarray(hankel)), jnp.asarray(x))
+    assert np.allclose(own, np.einsum("sij,jsc->isc", matrix, x), rtol=0, atol=1e-13 * n)
+    shared = structured.spectra(jnp.asarray(toeplitz[0]), jnp.asarray(hankel[0]))
+    assert np.allclose(
+        structured.times_all(shared, jnp.asarray(x)), np.einsum("ij,jsc->isc", matrix[0], x), rtol=0, atol=1e-13 * n
+    )
+
+
+@pytest.mark.parametrize("corrected", [False, True])
+@pytest.mark.parametrize("product", ["matrices", "fft"])
+def test_all_stacks_at_once_are_as_one_by_one(product, corrected):
+    settings = OWN | {"corrected": corrected}
+    each = split_reflectance_factor(*STACKS, **ANGLES, **settings, product="matrix")
+    together = split_reflectance_factor(*STACKS, **ANGLES, **settings, product=product)
+    for part, name in zip(together, each._fields, strict=True):
+        assert np.allclose(part, getattr(each, name), rtol=0, atol=1e-11), name
+
+
+@pytest.mark.parametrize("corrected", [False, True])
+def test_a_shared_matrix_by_transforms_is_itself(corrected):
+    settings = {"step": 0.04, "corrected": corrected}
+    matrix = reflectance_factor(*STACKS, **ANGLES, **settings, product="matrix")
+    assert np.allclose(reflectance_factor(*STACKS, **ANGLES, **settings, product="fft"), matrix, rtol=0, atol=1e-11)
+
+
+def test_one_program_serves_all_thicknesses_and_more_room_changes_nothing(monkeypatch):
+    calls = []
+
+    def counted(batch, count, vectors, settings):
+        calls.append((batch.albedo.shape[0], settings.most))
+        return solve(batch, count, vectors, settings)
+
+    monkeypatch.setattr(uniform, "solve", counted)
+    thickness = np.linspace(0.02, 1.2, 41)[:, None]
+    alone = reflectance_factor([[0.7]], thickness, 0.5, **OWN)
+    assert calls == [(48, 32)]  # 41 stacks of 2 to 30 segments, both filled up to a size in use
+    roomy = reflectance_factor([[0.7]], thickness, 0.5, **OWN, segments=48)
+    assert calls[1:] == [(48, 48)]
+    assert np.allclose(alone, roomy, rtol=0, atol=1e-11)
+
+
+def test_jit_vmap_and_derivatives_of_own_steps():
+    q, d, g = jnp.asarray(ALBEDO[:4]), jnp.asarray(THICKNESS[:4]), jnp.asarray(GROUND[:4])
+
+    def f(q, d, g):
+        return reflectance_factor(q, d, g, cos_incidence=0.8, variant="decomposed", step=0.16, segments=16)
+
+    plain = f(q, d, g)
+    compiled = jax.jit(f)
+    assert np.allclose(compiled(q, d, g), plain, rtol=0, atol=1e-12)
+    assert np.allclose(jax.vmap(f)(q, d, g), plain, rtol=0, atol=1e-12)
+    with pytest.raises((RuntimeError, ValueError), match=r"thicker than 2\.56, all that segments=16 reaches"):
+        jax.block_until_ready(compiled(q, d.at[0].multiply(4.0), g))
+    text = compiled.lower(q, d, g).compile().as_text()
+    assert text is not None
+    assert "lapack" not in "".join(re.findall(r"custom_call_target=\"[^\"]*\"", text)).lower()
+
+    weights = jnp.asarray([1.0, -0.7, 0.4, 1.3])
+    total = jax.jit(lambda *a: jnp.sum(weights * f(*a)))
+    reverse = jax.jit(jax.grad(total, argnums=(0, 1, 2)))(q, d, g)
+    rng = np.random.default_rng(1)
+    for k, (argument, slope) in enumerate(zip((q, d, g), reverse, strict=True)):
+        direction = jnp.where(argument < 1, jnp.asarray(rng.uniform(0.3, 1.0, argument.shape)), 0.0)
+        h = 1e-5
+        moved = [[q, d, g], [q, d, g]]
+        moved[0][k], moved[1][k] = argument + h * direction, argument - h * direction
+        difference = (total(*moved[0]) - total(*moved[1])) / (2 * h)
+        assert np.isclose(difference, jnp.vdot(slope, direction), rtol=1e-7, atol=1e-10)
