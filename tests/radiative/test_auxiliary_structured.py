@@ -15,6 +15,7 @@ from .test_auxiliary import ALBEDO, ANGLES, GROUND, STACKS, THICKNESS
 
 # Beside every way to multiply, the one that makes one matrix after the other.
 OWN = {"variant": "decomposed", "step": 0.04}
+FFT = {"product": "fft"}
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 12, 64])
@@ -57,9 +58,9 @@ def test_one_program_serves_all_thicknesses_and_more_room_changes_nothing(monkey
 
     monkeypatch.setattr(uniform, "solve", counted)
     thickness = np.linspace(0.02, 1.2, 41)[:, None]
-    alone = reflectance_factor([[0.7]], thickness, 0.5, **OWN)
+    alone = reflectance_factor([[0.7]], thickness, 0.5, **OWN, **FFT)
     assert calls == [(48, 32)]  # 41 stacks of 2 to 30 segments, both filled up to a size in use
-    roomy = reflectance_factor([[0.7]], thickness, 0.5, **OWN, segments=48)
+    roomy = reflectance_factor([[0.7]], thickness, 0.5, **OWN, **FFT, segments=48)
     assert calls[1:] == [(48, 48)]
     assert np.allclose(alone, roomy, rtol=0, atol=1e-11)
 
@@ -68,7 +69,7 @@ def test_jit_vmap_and_derivatives_of_own_steps():
     q, d, g = jnp.asarray(ALBEDO[:4]), jnp.asarray(THICKNESS[:4]), jnp.asarray(GROUND[:4])
 
     def f(q, d, g):
-        return reflectance_factor(q, d, g, cos_incidence=0.8, variant="decomposed", step=0.16, segments=16)
+        return reflectance_factor(q, d, g, cos_incidence=0.8, variant="decomposed", step=0.16, segments=16, **FFT)
 
     plain = f(q, d, g)
     compiled = jax.jit(f)

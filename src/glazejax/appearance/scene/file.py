@@ -121,7 +121,7 @@ def _scene(root: TomlTable, folder: Path) -> SceneFile:
     return SceneFile(scene, white, display, gamut, exposure, tolerance, tuple(root.notes))
 
 
-_SIZES = {"width": 640, "height": 480, "antialias": 4, "bounces": 3}
+_SIZES = {"width": 640, "height": 480, "antialias": 4, "bounces": 3, "diffuse_bounces": 0, "gather_rays": 256}
 
 
 def _build(table: TomlTable, kind: Callable[..., Any], **values: Any) -> Any:

@@ -1,7 +1,7 @@
 """Materials of scene files: plain reflectances, metals, and glazes with their thickness maps."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 from jaxtyping import Float
@@ -13,7 +13,7 @@ from ...paint.media import MAX_THICKNESS, Glaze, Layer
 from ...spectra import describe_grid, resample
 from ..metals import metal
 from .file_table import TomlTable
-from .materials import Conductor, Glazed, Lambert, Material, Phong
+from .materials import Conductor, FresnelModel, Glazed, Lambert, Material, Phong
 
 # What a measured white may reach by noise and calibration.
 _NOISY_WHITE = 1.05
@@ -42,8 +42,9 @@ def read_material(table: TomlTable, grid: Float[np.ndarray, "bands"], folder: Pa
         with table.blamed("metal"):
             found = metal(table.text("metal"), grid)
         roughness = table.number("roughness", 0.0)
+        fresnel = table.choice("fresnel", get_args(FresnelModel), "exact")
         with table.blamed():
-            material = Conductor(found.refractive_index, found.extinction, roughness)
+            material = Conductor(found.refractive_index, found.extinction, roughness, fresnel)
     else:
         material = _glaze(table, grid, folder)
     table.done()

@@ -5,7 +5,7 @@ and lights, and ``mirror``, what a mirror reflection carries. All of them are eq
 picture can be differentiated by their spectra.
 """
 
-from typing import Any
+from typing import Any, Literal
 
 import equinox as eqx
 import jax
@@ -14,7 +14,14 @@ import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ...paint.media import Glaze, Layer
-from ...radiative.common.fresnel import conductor_reflectance
+from ...radiative.common.fresnel import (
+    conductor_reflectance,
+    cook_torrance_reflectance,
+    hall_extinction,
+    hall_reflectance,
+)
+from ...radiative.common.inputs import check_choice
+from ...radiative.common.quadrature import gauss
 from ...spectra import Grid, as_float_array, concrete, describe_grid, same_grid
 from .. import shading
 from ..glaze.solve import on_grid
@@ -22,6 +29,12 @@ from ..glaze.table import GlazeTable, glaze_table
 
 # Degrees that a table reaches beyond the angles seen.
 _MARGIN = 0.05
+_LEAST_COSINE = 1e-6
+# Angles at which light from all around falls on a glaze.
+_FALLS = 8
+
+FresnelModel = Literal["exact", "hall", "cook-torrance"]
+"""How the reflectance of a metal depends on the angle."""
 
 
 class Angles(eqx.Module):
@@ -91,6 +104,17 @@ class Material(eqx.Module):
         """Whether other things are seen in it."""
         return False
 
+    @property
+    def is_diffuse(self) -> bool:
+        """Whether it spreads light that falls from all around; polished and rough metals do not."""
+        return True
+
+    def diffuse(
+        self, cos_view: Float[Array, "points"], thickness: Float[Array, "points"]
+    ) -> Float[Array, "points #bands"]:
+        """What reaches the eye of light that falls evenly from all around, without the mirror's part."""
+        raise NotImplementedError
+
     def direct(self, angles: Angles) -> Float[Array, "pairs bands"]:
         """What of a light's spectrum reaches the eye, the cosine of its fall included."""
         raise NotImplementedError
@@ -112,6 +136,12 @@ class Lambert(Material):
     def spectra(self) -> dict[str, Any]:
         """Its reflectance."""
         return {"reflectance": self.reflectance}
+
+    def diffuse(
+        self, cos_view: Float[Array, "points"], thickness: Float[Array, "points"]
+    ) -> Float[Array, "points #bands"]:
+        """The same from everywhere."""
+        return jnp.ones_like(cos_view)[:, None] * self.reflectance
 
     def direct(self, angles: Angles) -> Float[Array, "pairs bands"]:
         """Source: paper B, first term of (4)."""
@@ -147,6 +177,12 @@ class Phong(Material):
             if known is not None and (known.ndim or not 0 <= known < np.inf):
                 raise ValueError(f"{what} of material {name!r} is {known}; it must be one number, 0 or more")
 
+    def diffuse(
+        self, cos_view: Float[Array, "points"], thickness: Float[Array, "points"]
+    ) -> Float[Array, "points #bands"]:
+        """That of the body: the highlight is one of lamps."""
+        return jnp.ones_like(cos_view)[:, None] * self.body
+
     def direct(self, angles: Angles) -> Float[Array, "pairs bands"]:
         """Source: paper B, (4) and (24)."""
         # R_v = 2 (N.V) N - V.
@@ -160,13 +196,19 @@ class Conductor(Material):
     Args:
         refractive_index, extinction: n and k, (bands,) or one number each.
         roughness: angle beta in degrees at which half of the facets are left (paper B, (7)); 0 for polished.
+        fresnel: how it reflects away from the normal: "exact", or an estimate from its reflectance at the normal,
+            "hall" or "cook-torrance" (paper B, (11)-(23)).
+        mean_extinction: k of Hall's average metal; by default that of the mean over the bands, paper B (23).
     """
 
     refractive_index: Float[Array, "..."] = eqx.field(converter=as_float_array)
     extinction: Float[Array, "..."] = eqx.field(converter=as_float_array)
     roughness: float = eqx.field(static=True, default=0.0)
+    fresnel: FresnelModel = eqx.field(static=True, default="exact")
+    mean_extinction: Float[Array, ""] | None = None
 
     def __check_init__(self) -> None:
+        check_choice("fresnel", self.fresnel, FresnelModel)
         if not 0 <= self.roughness < 60:
             raise ValueError(f"roughness must be 0 (polished) to 60 degrees, not {self.roughness:g}")
 
@@ -174,15 +216,38 @@ class Conductor(Material):
         """Refractive index and extinction."""
         return {"refractive_index": self.refractive_index, "extinction": self.extinction}
 
+    def only_bands(self, keep: Bool[np.ndarray, "bands"], bands: int) -> "Material":
+        """The same metal with the bands where `keep` is true; Hall's average metal stays that of all of them."""
+        found = super().only_bands(keep, bands)
+        return eqx.tree_at(lambda m: m.mean_extinction, found, self._average(), is_leaf=lambda leaf: leaf is None)
+
+    def _average(self) -> Float[Array, ""]:
+        if self.mean_extinction is not None:
+            return self.mean_extinction
+        normal = conductor_reflectance(1.0, self.refractive_index, self.extinction)
+        return jnp.asarray(hall_extinction(jnp.mean(normal)))
+
     @property
     def is_mirror(self) -> bool:
         """Polished metal is."""
         return self.roughness == 0
 
+    @property
+    def is_diffuse(self) -> bool:
+        """Nothing comes out of a metal."""
+        return False
+
     def mirror(self, cos_view: Float[Array, "points"]) -> Float[Array, "points bands"]:
-        """Fresnel reflectance. Source: paper B, (11)-(15)."""
-        cosine = jnp.clip(cos_view, 0.0, 1.0)[:, None]
-        return jnp.asarray(conductor_reflectance(cosine, self.refractive_index, self.extinction))
+        """Fresnel reflectance. Source: paper B, (11)-(23)."""
+        return self._reflectance(jnp.clip(cos_view, 0.0, 1.0)[:, None])
+
+    def _reflectance(self, cosine: Float[Array, "points 1"]) -> Float[Array, "points bands"]:
+        if self.fresnel == "exact":
+            return jnp.asarray(conductor_reflectance(cosine, self.refractive_index, self.extinction))
+        normal = jnp.asarray(conductor_reflectance(1.0, self.refractive_index, self.extinction))
+        if self.fresnel == "hall":
+            return jnp.asarray(hall_reflectance(cosine, normal, self._average()))
+        return jnp.asarray(cook_torrance_reflectance(jnp.maximum(cosine, _LEAST_COSINE), normal))
 
     def direct(self, angles: Angles) -> Float[Array, "pairs bands"]:
         """The glossy lobe of a rough metal; nothing of a polished one. Source: paper B, (5)-(8)."""
@@ -192,11 +257,9 @@ class Conductor(Material):
         # H is (V + L) / |V + L|, and |V + L|^2 = 2 + 2 V.L.
         cos_facet = jnp.sqrt(jnp.clip(0.5 * (1.0 + angles.between), 1e-12, 1.0))
         cos_half = (angles.view + angles.light) / (2.0 * cos_facet)
-        fresnel = conductor_reflectance(cos_facet[:, None], self.refractive_index, self.extinction)
+        fresnel = self._reflectance(cos_facet[:, None])
         width = float(np.deg2rad(self.roughness))
-        return shading.torrance_sparrow(
-            jnp.asarray(fresnel), 1.0, angles.light, angles.view, cos_half, cos_facet, width=width
-        )
+        return shading.torrance_sparrow(fresnel, 1.0, angles.light, angles.view, cos_half, cos_facet, width=width)
 
 
 class _GlazedSurface:
@@ -303,6 +366,18 @@ class GlazedTable(_GlazedSurface, Material):
         varies = self.table.thickness.shape[0] > 1
         factor = self.table.reflectance_factor(angles.light, angles.view, angles.thickness if varies else None)
         return shading.lambert(factor, angles.light)
+
+    def diffuse(
+        self, cos_view: Float[Array, "points"], thickness: Float[Array, "points"]
+    ) -> Float[Array, "points #bands"]:
+        """Mean of the reflectance factor over the light's angles, weighted by their cosine."""
+        varies = self.table.thickness.shape[0] > 1
+        cosines, weights = gauss(_FALLS)
+        total = jnp.zeros(())
+        for cosine, weight in zip(cosines, 2.0 * weights * cosines, strict=True):
+            fall = jnp.full_like(cos_view, cosine)
+            total = total + weight * self.table.reflectance_factor(fall, cos_view, thickness if varies else None)
+        return total
 
     def mirror(self, cos_view: Float[Array, "points"]) -> Float[Array, "points bands"]:
         """Fresnel reflectance of the surface."""

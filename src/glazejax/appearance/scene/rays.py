@@ -50,6 +50,10 @@ class Level(NamedTuple):
     cos_light: Float[np.ndarray, "points lights"]
     between: Float[np.ndarray, "points lights"]
     """Cosine between view and light."""
+    normal: Float[np.ndarray, "points 3"]
+    """Of the surface, smooth where a mesh has normals, on the side of the ray."""
+    place: Float[np.ndarray, "points 3"]
+    """Where the point is, a little off the surface."""
 
     @property
     def bytes(self) -> int:
@@ -75,7 +79,7 @@ def _meet(geometry: Geometry, hit: Hit, place: Array, origin: Array, direction: 
     Returns:
         Numbers of shape and material, cosine of viewing and texture coordinates; then of each light, (lights, rays):
         strength, cosine of its fall and that between view and light, unit vector to it and how far it is (-1 where
-        it is behind); then the place, and the direction in which a mirror there sends the ray on.
+        it is behind); then the normal, the place, and the direction in which a mirror there sends the ray on.
     """
     found = jnp.isfinite(hit.distance)
     seen = surface(geometry, hit, origin, direction)
@@ -100,19 +104,19 @@ def _meet(geometry: Geometry, hit: Hit, place: Array, origin: Array, direction: 
     onward = onward / jnp.sqrt(jnp.sum(onward**2, axis=-1, keepdims=True))
     shape = jnp.where(found, jnp.asarray(geometry.order)[hit.shape], -1)
     material = jnp.where(found, jnp.asarray(geometry.material)[hit.shape], -1)
-    return shape, material, cos_view, seen.uv, *map(jnp.stack, zip(*lights, strict=True)), here, onward
+    return shape, material, cos_view, seen.uv, *map(jnp.stack, zip(*lights, strict=True)), seen.normal, here, onward
 
 
 def _cast(geometry: Geometry, places: Lamps, origin: Array, direction: Array) -> tuple[np.ndarray | Array, ...]:
-    """Fields of a `Level` but the first, then where the rays are and the rays that mirrors there send on."""
+    """Fields of a `Level` but the first, the last of them where the rays are; then the rays that mirrors send on."""
     hit = nearest(geometry, origin, direction)
     place = jnp.asarray(places.place, origin.dtype)
-    *seen, strength, cos_light, between, towards, reach, here, onward = _meet(
+    *seen, strength, cos_light, between, towards, reach, normal, here, onward = _meet(
         geometry.arrays, hit, place, origin, direction, places.point
     )
     free = [nearest(geometry, here, *ray).shape < 0 for ray in zip(towards, reach, strict=True)]
     lights = [np.asarray(a).T for a in (jnp.where(jnp.stack(free), strength, 0.0), cos_light, between)]
-    return *seen, *lights, here, onward
+    return *seen, *lights, normal, here, onward
 
 
 def trace(
@@ -141,7 +145,7 @@ def trace(
     levels: list[Level] = []
     parent, share = np.arange(len(origin)), np.ones(len(origin))
     while True:
-        *seen, here, onward = _in_pieces(geometry, places, origin, direction)
+        *seen, onward = _in_pieces(geometry, places, origin, direction)
         levels.append(Level(parent, *seen))
         material, cos_view = levels[-1].material, levels[-1].cos_view
         if len(levels) > bounces:
@@ -150,7 +154,7 @@ def trace(
         go = np.flatnonzero(share > least)
         if go.size == 0:
             return levels
-        parent, share, origin, direction = go, share[go], here[go], onward[go]
+        parent, share, origin, direction = go, share[go], levels[-1].place[go], onward[go]
 
 
 def mirror_share(

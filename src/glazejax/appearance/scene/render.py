@@ -13,12 +13,14 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ...colour import CIE_1931, colour_weights
+from .gather import Gathered, Surroundings
 from .intersect import Geometry
 from .materials import Material
 from .rays import TILE, Lamps, Level, lamps, trace
 from .scene import Scene
 from .seen import MaterialsInView, needed_bands
 from .shade import lit_pairs, pixels_from_samples, radiance
+from .shapes import vector
 
 Progress = Callable[[float, str], None]
 """Called with the share done, 0 to 1, and what is being done."""
@@ -45,6 +47,9 @@ class RenderReport:
     refined: int = 0
     pixels: int = 0
     angles: str = ""
+    gathered: int = 0
+    gather_rays: int = 0
+    diffuse_bounces: int = 0
 
     @property
     def saved(self) -> float:
@@ -60,6 +65,9 @@ class RenderReport:
             f"materials: {self.materials} of {self.materials_full}" + (f"; {self.angles}" if self.angles else ""),
             f"left out: {self.saved:.0%} of the spectral work",
         ]
+        if self.diffuse_bounces:
+            bounces = f"{self.diffuse_bounces} diffuse bounce" + "s" * (self.diffuse_bounces > 1)
+            lines.append(f"light between surfaces: {bounces}, {self.gather_rays} rays at {self.gathered} points")
         return "\n".join(lines)
 
 
@@ -141,13 +149,15 @@ class _Work:
         self.geometry: Geometry = self.scene.geometry()
         self.places: Lamps = lamps(scene.lights)
         self.all_materials = list(self.scene.materials.values())
-        self.in_view = MaterialsInView(self.all_materials)
+        self.in_view = MaterialsInView(self.all_materials, everywhere=scene.diffuse_bounces > 0)
         self.prepared: Sequence[Material | None] = []
+        self.gathered: Gathered | None = None
         self.kept = 0
         full = scene.antialias**2 if scene.antialias > 1 else 1
         self.report = RenderReport(
             bands=int(keep.sum()), bands_full=keep.size, materials_full=len(self.all_materials),
             pixels=scene.width * scene.height, rays_full=0, pairs_full=0,
+            diffuse_bounces=scene.diffuse_bounces, gather_rays=scene.gather_rays,
         )  # fmt: skip
         self.full = full
 
@@ -167,7 +177,8 @@ class _Work:
                 self._look(more := self._tiles(edges, scene.antialias), 0.25, 0.35)
                 tiles += more
             self.prepared = self.in_view.prepare(np.asarray(scene.wavelengths), self.tolerance)
-            self._shade(tiles, image, 0.35, 0.85)
+            self._gather(tiles, 0.35, 0.6)
+            self._shade(tiles, image, 0.6 if self.gathered else 0.35, 0.85)
             finished = 1.0
             if self.adaptive and scene.antialias > 1:
                 strong = np.flatnonzero(_contrasting(image.reshape(scene.height, scene.width, -1)).ravel())
@@ -176,7 +187,8 @@ class _Work:
                 self._look(again, 0.85, 0.87)
                 # A thing so small that only these rays meet it.
                 self.prepared = self.in_view.prepare(np.asarray(scene.wavelengths), self.tolerance, self.prepared)
-                self._shade(again, image, 0.87, 1.0)
+                self._gather(again, 0.87, 0.9)
+                self._shade(again, image, 0.9, 1.0)
                 self.report.refined = edges.size + strong.size
         except KeyboardInterrupt:
             done = np.isfinite(image[:, 0]).mean()
@@ -229,6 +241,28 @@ class _Work:
             signatures.append(_signature(levels))
         return np.concatenate(signatures) if signatures else np.zeros(0, int)
 
+    def _gather(self, tiles: list[_Tile], start: float, end: float) -> None:
+        """Light that surfaces send each other, where the picture needs it."""
+        if self.scene.diffuse_bounces == 0:
+            return
+        if self.gathered is None:
+            self.gathered = self._nothing_gathered()
+        for k, tile in enumerate(tiles):
+            self.progress(start + (end - start) * k / len(tiles), "gathering light between surfaces")
+            self.gathered.add(self._levels(tile))
+        self.report.gathered = self.gathered.count
+
+    def _nothing_gathered(self) -> Gathered:
+        scene = self.scene
+        lights = jnp.asarray(scene.light_spectra(), jnp.result_type(float))
+        around = Surroundings(
+            self.geometry, self.places, self.prepared, lights,
+            jnp.asarray(scene.background_spectrum(), lights.dtype), self.in_view.most_mirrored, scene.bounces,
+        )  # fmt: skip
+        pixel = 2.0 * np.tan(np.deg2rad(scene.camera.field_of_view) / 2) / scene.width
+        eye = vector("position", scene.camera.position)
+        return Gathered(around, scene.diffuse_bounces, scene.gather_rays, eye, float(pixel))
+
     def _shade(self, tiles: list[_Tile], image: np.ndarray, start: float, end: float) -> None:
         """Second pass: spectra, written to their pixels."""
         lights = jnp.asarray(self.scene.light_spectra(), jnp.result_type(float))
@@ -238,7 +272,8 @@ class _Work:
             levels = self._levels(tile)
             self.report.rays += sum(len(level.material) for level in levels)
             self.report.pairs += sum(lit_pairs(level, np.arange(len(level.material)))[0].size for level in levels)
-            samples = radiance(levels, self.prepared, lights, background)
+            falling = None if self.gathered is None else [self.gathered.falling(level) for level in levels]
+            samples = radiance(levels, self.prepared, lights, background, falling)
             found = np.asarray(pixels_from_samples(samples, tile.each**2))
             image[tile.pixels] = found if self.weights is None else found @ self.weights
             tile.levels = None

@@ -20,6 +20,15 @@ from .shapes import Shape, positive, vector
 
 # Pictures beyond are a slip of the hand: 100 megapixels of 31 bands fill the memory of a workstation.
 _MOST_PIXELS = 10**8
+# Least and most of what a scene counts.
+_WHOLE = {
+    "width": (1, 20000),
+    "height": (1, 20000),
+    "antialias": (1, 16),
+    "bounces": (0, 20),
+    "diffuse_bounces": (0, 20),
+    "gather_rays": (1, 16384),
+}
 
 
 @dataclass(frozen=True)
@@ -70,9 +79,13 @@ class Scene:
         lights: at least one.
         camera: see `Camera`.
         width, height: pixels.
-        background: (bands,) or one number: what is seen where nothing is, also in mirrors. It lights nothing.
+        background: (bands,) or one number: what is seen where nothing is, also in mirrors. It lights things only where
+            diffuse bounces are followed.
         antialias: samples along the side of a pixel, where there is an edge; 1 for none.
         bounces: how many mirror reflections are followed one after another.
+        diffuse_bounces: how often light is followed from surface to surface on its way from lamps and background to
+            a diffuse surface that is seen; 0 for lamps alone (see `gather`).
+        gather_rays: rays by which a point sees what sends it light.
 
     Raises:
         ValueError: something is missing, names a material there is not, or has other bands.
@@ -88,10 +101,12 @@ class Scene:
     background: Numbers = 0.0
     antialias: int = 4
     bounces: int = 3
+    diffuse_bounces: int = 0
+    gather_rays: int = 256
 
     def __post_init__(self) -> None:
         bands = validate_wavelengths(self.wavelengths).size
-        for name, low, high in (("width", 1, 20000), ("height", 1, 20000), ("antialias", 1, 16), ("bounces", 0, 20)):
+        for name, (low, high) in _WHOLE.items():
             value = getattr(self, name)
             if not isinstance(value, int | np.integer) or isinstance(value, bool) or not low <= value <= high:
                 raise ValueError(f"{name} must be a whole number from {low} to {high}, not {value!r}")

@@ -43,6 +43,12 @@ def _mirrored(material: Material, view: Array, beyond: Array) -> Float[Array, "p
     return material.mirror(view) * beyond
 
 
+@eqx.filter_jit
+def _spread(material: Material, view: Array, uv: Array, around: Array) -> Float[Array, "points bands"]:
+    thickness = jnp.zeros_like(view) if material.thickness_map is None else sample_map(material.thickness_map, uv)
+    return material.diffuse(view, thickness) * around
+
+
 def sample_map(values: Float[Array | np.ndarray, "h w"], uv: Float[Array, "points 2"]) -> Float[Array, "points"]:
     """A map at texture coordinates, bilinear between the middles of its pixels.
 
@@ -68,6 +74,7 @@ def radiance(
     materials: Sequence[Material | None],
     lights: Float[Array, "lights bands"],
     background: Float[Array, "bands"],
+    indirect: Sequence[Array | None] | None = None,
 ) -> Float[Array, "rays bands"]:
     """Spectrum that comes along each ray of the first level.
 
@@ -75,13 +82,15 @@ def radiance(
         levels: of `rays.trace`.
         materials: prepared, in the order of the numbers in the levels; None for those that are not seen.
         lights, background: spectra.
+        indirect: of each level, light that falls on its points from other surfaces, (points, bands), or None.
 
     Returns:
         (rays, bands), on the scale of the lights.
     """
     beyond: Array | None = None
     child: Level | None = None
-    for level in reversed(levels):
+    falling = [None] * len(levels) if indirect is None else indirect
+    for level, around in zip(reversed(levels), reversed(falling), strict=True):
         # Filled up to few sizes, so that few programs are compiled.
         empty = np.pad(level.material < 0, (0, filled_size(len(level.material)) - len(level.material)))
         own = jnp.where(jnp.asarray(empty)[:, None], background, jnp.zeros_like(lights[:1]))
@@ -90,6 +99,8 @@ def radiance(
                 continue
             mine = np.flatnonzero(level.material == number)
             own = _add_lights(own, level, mine, material, lights)
+            if around is not None and material.is_diffuse:
+                own = _add_indirect(own, level, mine, material, around)
             if child is not None and beyond is not None and material.is_mirror:
                 own = _add_mirror(own, level, child, number, material, beyond)
         beyond, child = own, level
@@ -110,6 +121,15 @@ def _add_lights(own: Array, level: Level, mine: np.ndarray, material: Material, 
         strength = np.where(np.arange(size) < len(rows[piece]), level.strength[r, k], 0.0)
         pairs = (k, strength, level.cos_view[r], level.cos_light[r, k], level.between[r, k], level.uv[r])
         own = own.at[r].add(_lit(material, lights, *map(jnp.asarray, pairs)))
+    return own
+
+
+def _add_indirect(own: Array, level: Level, mine: np.ndarray, material: Material, around: Array) -> Array:
+    for piece, size in _pieces(mine.size):
+        rows = _filled(mine[piece], size)
+        there = np.arange(size) < len(mine[piece])
+        sent = _spread(material, *map(jnp.asarray, (level.cos_view[rows], level.uv[rows])), around[rows])
+        own = own.at[rows].add(jnp.where(there[:, None], sent, 0.0))
     return own
 
 
