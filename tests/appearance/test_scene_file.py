@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 
 from glazejax.appearance.scene import file as scene_file
 from glazejax.appearance.scene.lights import PointLight
+from glazejax.appearance.scene.materials import Conductor
 from glazejax.appearance.scene.render import render
 from glazejax.appearance.scene.shapes import Box, Mesh, Plane, Sphere
 from glazejax.commands import main as cli
@@ -64,6 +65,29 @@ def test_the_example_shows_every_kind_of_thing(write):
     assert any(isinstance(light, PointLight) for light in scene.lights)
     assert np.asarray(scene.materials["canvas"].thickness_map).shape[1] > 100
     assert "6 objects" in scene_file.describe(found)
+
+
+def test_light_between_surfaces_and_the_reflectance_of_a_metal_are_in_the_file(write):
+    text = (
+        scene_file.example()
+        .replace("diffuse_bounces = 0", "diffuse_bounces = 2")
+        .replace("gather_rays = 256", "gather_rays = 9")
+    )
+    scene = scene_file.read_scene(write(text.replace('fresnel = "exact"', 'fresnel = "hall"'))).scene
+    assert (scene.diffuse_bounces, scene.gather_rays) == (2, 9)
+    metal = scene.materials["copper"]
+    assert isinstance(metal, Conductor)
+    assert metal.fresnel == "hall"
+    for wrong, words in (
+        (
+            text.replace("diffuse_bounces = 2", "diffuse_bounces = -1"),
+            "diffuse_bounces must be a whole number from 0 to 20",
+        ),
+        (text.replace("gather_rays = 9", "gather_rays = 0"), "gather_rays must be a whole number from 1 to 16384"),
+        (text.replace('fresnel = "exact"', 'fresnel = "hal"'), "did you mean 'hall'"),
+    ):
+        with pytest.raises(ValueError, match=words):
+            scene_file.read_scene(write(wrong))
 
 
 def test_a_small_scene_is_what_its_file_says(write):

@@ -372,7 +372,7 @@ def test_bad_input_says_what_and_how_to_mend(change, message):
         ({"variant": "decomposed", "product": "slow"}, "product 'slow' is unknown"),
         ({"variant": "direct", "product": "fft"}, "product 'fft' .* 'decomposed'"),
         ({"variant": "direct", "product": "matrices"}, "product 'matrices' .* 'decomposed'"),
-        ({"product": "matrices"}, "product 'matrices' .* 'fixed_step' .* 'matrix'"),
+        ({"product": "matrices"}, "product 'matrices' .* 'fixed_step', .* use 'matrix'"),
         ({"segments": 100}, "segments is for own steps"),
         ({"variant": "decomposed", "segments": 0}, "segments is 0"),
         ({"variant": "decomposed", "segments": 2.5}, "segments is 2.5"),

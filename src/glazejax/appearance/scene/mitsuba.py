@@ -40,7 +40,8 @@ def mitsuba_scene(
         samples: rays of a pixel, best a square.
         max_depth: of paths: 2 for direct light alone, -1 for everything.
         gloss: glazes with their mirror reflection.
-        background: light from all around with the scene's background; here it lights things, unlike in `render`.
+        background: light from all around with the scene's background; here it lights things, as in
+            `render` only where the scene follows diffuse bounces.
 
     Returns:
         The scene; its film is XYZ, on the scale of `scene_picture.picture_xyz`.
@@ -109,7 +110,7 @@ def spectrum(values: Numbers, wavelengths: Float[np.ndarray, "bands"]) -> dict[s
 def _bsdf(name: str, material: Material, grid: np.ndarray, path: Path, gloss: bool) -> dict[str, Any]:
     if isinstance(material, Lambert):
         return _both_sides({"type": "diffuse", "reflectance": spectrum(material.reflectance, grid)})
-    if isinstance(material, Conductor) and material.is_mirror:
+    if isinstance(material, Conductor) and material.is_mirror and material.fresnel == "exact":
         n, k = spectrum(material.refractive_index, grid), spectrum(material.extinction, grid)
         return _both_sides({"type": "conductor", "eta": n, "k": k})
     if isinstance(material, Glazed):
@@ -121,7 +122,9 @@ def _bsdf(name: str, material: Material, grid: np.ndarray, path: Path, gloss: bo
 
 
 def _describe(material: Material) -> str:
-    return "a rough metal as paper B has it" if isinstance(material, Conductor) else type(material).__name__
+    if not isinstance(material, Conductor):
+        return type(material).__name__
+    return "a rough metal as paper B has it" if material.roughness else f"a metal by the estimate {material.fresnel!r}"
 
 
 def _both_sides(bsdf: dict[str, Any]) -> dict[str, Any]:
