@@ -212,7 +212,7 @@ def _check(given: dict[str, Any], how: _How) -> None:
     if variant == "direct" and product in ("fft", "matrices"):
         raise ValueError(f"product {product!r} needs the numbers of H and U, which 'direct' has not; use 'decomposed'")
     if variant == "fixed_step" and product == "matrices":
-        raise ValueError("product 'matrices' is of no use to variant 'fixed_step', whose stacks share one; use 'matrix'")
+        raise ValueError("product 'matrices' is no use to variant 'fixed_step', whose stacks share one; use 'matrix'")
     if segments is not None and variant == "fixed_step":
         raise ValueError("segments is for own steps; give variant 'fixed_step' a table=KernelTable(...) that is long")
     if segments is not None and not (isinstance(segments, int | np.integer) and 1 <= segments <= MOST_SEGMENTS):
