@@ -327,13 +327,13 @@ for settings in ({}, {"product": "fft"}, own | {"product": "fft"}, own | {"produ
 def test_fresh_processes_finish(tmp_path):
     cache = {"JAX_COMPILATION_CACHE_DIR": str(tmp_path), "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0"}
 
-    def run(_):
+    def run(_, limit=240):
         command = [sys.executable, "-c", _BULK]
-        done = subprocess.run(command, capture_output=True, text=True, timeout=240, env=os.environ | cache)
+        done = subprocess.run(command, capture_output=True, text=True, timeout=limit, env=os.environ | cache)
         return done.returncode, done.stdout, done.stderr
 
     # The first process compiles for all; what may hang is running.
-    results = [run(0)]
+    results = [run(0, limit=900)]
     with ThreadPoolExecutor(2) as pool:
         results += pool.map(run, range(7))
     assert all(code == 0 for code, _, _ in results), results[0][2]
