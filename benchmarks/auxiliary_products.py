@@ -63,7 +63,7 @@ def megabytes(given: Given, settings: dict[str, Any]) -> float:
         vectors = uniform._vectors(table, full)(most)
         compiled = solve.lower(piece, count[chosen], vectors, full._replace(most=most)).compile()
         analysis = compiled.memory_analysis()
-        largest = max(largest, analysis.temp_size_in_bytes / 2**20)
+        largest = max(largest, analysis.temp_size_in_bytes / 2**20) if analysis else float("nan")
     return largest
 
 
@@ -136,10 +136,8 @@ def main() -> None:
     truth = stack_reflectance_factor(q, d, GROUND, tolerance=1e-10)
     say("\nError against the default solver at 1e-10, Q = 120, 41 wavelengths (the step's own, alike for all ways)")
     for variant, corrected in (("decomposed", False), ("decomposed", True), ("fixed_step", True)):
-        found = [
-            reflectance_factor(q, d, GROUND, step=STEP, variant=variant, corrected=corrected, product=product)
-            for product in ("matrix", "fft")
-        ]
+        how: dict[str, Any] = {"variant": variant, "corrected": corrected}
+        found = [program((q, d), how | {"product": product})() for product in ("matrix", "fft")]
         wrong = ", ".join(f"{float(np.max(np.abs(f - truth))):.6e}" for f in found)
         say(f"{variant + (', corrected' if corrected else ''):<24} one by one / one matrix, transforms: {wrong}")
     say.save()

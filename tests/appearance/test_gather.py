@@ -1,5 +1,7 @@
 """Light between surfaces: furnaces in which nothing is lost, bounces counted, and two joined planes."""
 
+from typing import Any
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -9,7 +11,7 @@ from glazejax.appearance.interreflection import all_bounces, one_bounce
 from glazejax.appearance.scene import gather
 from glazejax.appearance.scene.gather import above
 from glazejax.appearance.scene.lights import ParallelLight, PointLight
-from glazejax.appearance.scene.materials import Conductor, Glazed, Lambert, Phong
+from glazejax.appearance.scene.materials import Conductor, FresnelModel, Glazed, Lambert, Phong
 from glazejax.appearance.scene.render import render
 from glazejax.appearance.scene.scene import Camera
 from glazejax.appearance.scene.shapes import Plane, Sphere
@@ -154,7 +156,7 @@ def test_metals_reflect_as_the_estimate_says():
     n, k = np.linspace(0.2, 1.2, GRID.size), np.linspace(3.5, 2.4, GRID.size)
     cosine = jnp.array([1.0, 0.5, 0.1])
     c, normal = np.array(cosine)[:, None], conductor_reflectance(1.0, n, k)
-    wanted = {
+    wanted: dict[FresnelModel, Any] = {
         "exact": conductor_reflectance(c, n, k),
         "hall": hall_reflectance(c, normal, hall_extinction(normal.mean())),
         "cook-torrance": cook_torrance_reflectance(c, normal),

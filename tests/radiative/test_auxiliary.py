@@ -231,7 +231,7 @@ def test_gradients():
 
 
 def test_gradients_of_own_steps():
-    own = {"variant": "decomposed", "product": "matrix"}
+    own: dict = {"variant": "decomposed", "product": "matrix"}
 
     def total(q, g):
         return reflectance_factor(q, THICKNESS[:2], g, step=0.16, corrected=False, **own).sum()

@@ -14,8 +14,8 @@ from glazejax.radiative.auxiliary.uniform_solver import solve
 from .test_auxiliary import ALBEDO, ANGLES, GROUND, STACKS, THICKNESS
 
 # Beside every way to multiply, the one that makes one matrix after the other.
-OWN = {"variant": "decomposed", "step": 0.04}
-FFT = {"product": "fft"}
+OWN: dict = {"variant": "decomposed", "step": 0.04}
+FFT: dict = {"product": "fft"}
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 12, 64])
@@ -44,7 +44,7 @@ def test_all_stacks_at_once_are_as_one_by_one(product, corrected):
 
 @pytest.mark.parametrize("corrected", [False, True])
 def test_a_shared_matrix_by_transforms_is_itself(corrected):
-    settings = {"step": 0.04, "corrected": corrected}
+    settings: dict = {"step": 0.04, "corrected": corrected}
     matrix = reflectance_factor(*STACKS, **ANGLES, **settings, product="matrix")
     assert np.allclose(reflectance_factor(*STACKS, **ANGLES, **settings, product="fft"), matrix, rtol=0, atol=1e-11)
 

@@ -42,7 +42,7 @@ def read_material(table: TomlTable, grid: Float[np.ndarray, "bands"], folder: Pa
         with table.blamed("metal"):
             found = metal(table.text("metal"), grid)
         roughness = table.number("roughness", 0.0)
-        fresnel = table.choice("fresnel", get_args(FresnelModel), "exact")
+        fresnel: Any = table.choice("fresnel", get_args(FresnelModel), "exact")
         with table.blamed():
             material = Conductor(found.refractive_index, found.extinction, roughness, fresnel)
     else:

@@ -247,10 +247,10 @@ class Gathered:
     def _tree(self, shape: int) -> tuple:
         """Places of the chosen points of a shape, to be searched, and their numbers."""
         if shape not in self._trees:
-            from scipy.spatial import cKDTree
+            from scipy.spatial import KDTree
 
             numbers = np.flatnonzero(self._shape == shape)
-            self._trees[shape] = (cKDTree(self._place[numbers]) if numbers.size else None, numbers)
+            self._trees[shape] = (KDTree(self._place[numbers]) if numbers.size else None, numbers)
         return self._trees[shape]
 
 

@@ -128,7 +128,7 @@ def _add_indirect(own: Array, level: Level, mine: np.ndarray, material: Material
     for piece, size in _pieces(mine.size):
         rows = _filled(mine[piece], size)
         there = np.arange(size) < len(mine[piece])
-        sent = _spread(material, *map(jnp.asarray, (level.cos_view[rows], level.uv[rows])), around[rows])
+        sent = _spread(material, jnp.asarray(level.cos_view[rows]), jnp.asarray(level.uv[rows]), around[rows])
         own = own.at[rows].add(jnp.where(there[:, None], sent, 0.0))
     return own
 

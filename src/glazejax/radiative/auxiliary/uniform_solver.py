@@ -160,9 +160,7 @@ def _collocation(batch: Batch, count: Array, vectors: tuple, settings: GridSetti
         else:
             assemble = assembly.direct if settings.variant == "direct" else assembly.decomposed
             matrix, m, m_integrated, k = assemble(step, held, settings.most, index)
-
-            def times(x: Array) -> Array:
-                return _rows_times(x[:, 0].T, matrix[0]).T[:, None]
+            times = functools.partial(_alone, matrix[0])
 
     incident, viewing = (_Beam.make(c, index, depth) for c in (batch.cos_incidence, batch.cos_viewing))
     strength = incident.transmittance / (2.0 * jnp.pi * incident.cosine)
@@ -219,6 +217,11 @@ def _product(toeplitz: Array, hankel: Array, settings: GridSettings) -> Callable
     if matrix.ndim == 3:
         return lambda x: jnp.swapaxes(matmul(matrix, jnp.swapaxes(x, 0, 1)), 0, 1)
     return lambda x: matmul(matrix, x.reshape(settings.most, -1)).reshape(x.shape)
+
+
+def _alone(matrix: Array, x: Array) -> Array:
+    """(H + U) x of one stack, (n, 1, cases), from its matrix, which is symmetric."""
+    return _rows_times(x[:, 0].T, matrix).T[:, None]
 
 
 def _rows_times(rows: Array, matrix: Array) -> Array:
