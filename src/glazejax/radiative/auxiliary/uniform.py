@@ -44,7 +44,7 @@ _CHUNK_ELEMENTS = 2**20
 # By transforms a stack costs as its segments, not their square: vector elements that are worth a program more.
 _WORTH_A_TRANSFORM = 2**16
 # From so many segments on transforms are faster than the matrix (benchmarks/results/auxiliary_products.txt).
-_TRANSFORMED = {"fixed_step": 1024, "decomposed": 32, "direct": np.inf}
+_TRANSFORMED = {"fixed_step": 1024, "decomposed": 16, "direct": np.inf}
 # From so many segments on, stacks with steps of their own are called one by one: one program serves any number of them.
 _ALONE = 64
 _KEPT_TABLES = 8
