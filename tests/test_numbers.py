@@ -130,7 +130,8 @@ def none_found() -> str:
     false, found = all_of(r"\nglazejax .*?\) +(\d+)% +(\d+)%", result("truth"))
     held, count = all_of(r"INTERVALS of fractions, [^:]*: (\d+)% of (\d+)", result("truth"))
     told = f"called 'none of these' though the paints are there | | {false:.0f} % |"
-    told += f" | 90 % intervals of fractions that hold the true one, where the first is right | {held:.0f} % of {count:.0f} | |"
+    told += " | 90 % intervals of fractions that hold the true one, where the first is right"
+    told += f" | {held:.0f} % of {count:.0f} | |"
     return f"{told} | found to be none, with the family of the main paint taken out | | {found:.0f} % |"
 
 
