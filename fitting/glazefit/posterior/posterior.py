@@ -23,15 +23,21 @@ from ..film.films import Films, Instrument, Noise
 from ..film.gloss import estimate_gloss
 from ..film.reading import Reading, readings
 from .bands import pose_bands
+from .coats import CoatPrior, check_coats
 from .film import FilmPrior, pose_films
 from .film_errors import pose_errors
-from .identifiability import Identifiability, of_bands, of_paints
+from .identifiability import Identifiability, of_bands, of_coats, of_paints
 from .laplace import Laplace, Modes, find_modes, laplace
 from .problem import Problem
+from .spectra import SpectraPrior
+from .stack import pose_stack
+from .stack_errors import pose_stack_errors
 from .summary import Row, compare, numbers
 
 if TYPE_CHECKING:
     from .chain import Chain, Convergence
+
+_WALKERS = 32
 
 
 @dataclass(frozen=True)
@@ -83,6 +89,17 @@ class Posterior:
         """The same from Laplace's approximation."""
         return self.problem.draws(self.laplace.sample)
 
+    def spectra(self, *, laplace: bool = False) -> Mapping[str, Float[np.ndarray, "draws bands"]]:
+        """Draws of k d, s d and k/s, of a film band by band or of a stack's unknown paint; empty for known paints."""
+        draws = self.laplace_draws if laplace else self.draws
+        if self.problem.kind == "bands":
+            return {name: values.reshape(-1, values.shape[-1]) for name, values in draws.items()}
+        found: dict[str, list[np.ndarray]] = {}
+        for quantity in self.problem.quantities:
+            if quantity.spectrum:
+                found.setdefault(quantity.spectrum, []).append(draws[quantity.name][..., 0].ravel())
+        return {name: np.stack(values, axis=-1) for name, values in found.items()}
+
     def summary(self) -> list[Row]:
         """A row for each quantity of each block: the chain's numbers, Laplace's, and where the two differ."""
         sampled, approximate = numbers(self.draws), numbers(self.laplace_draws)
@@ -126,6 +143,8 @@ class Posterior:
         if self.problem.kind == "bands":
             optical = np.stack([self.draws[name].reshape(free.shape[:2]) for name in ("absorption", "scattering")], -1)
             return of_bands(free, prior, optical, self.films[0].wavelengths)
+        if self.problem.kind == "stack":
+            return of_coats(self.problem, free, self.films[0].wavelengths)
         return of_paints(free, prior, unknowns_in_words(self.problem), self.problem.blocks)
 
     def words(self) -> str:
@@ -171,6 +190,8 @@ def _attributes(posterior: Posterior) -> dict[str, Any]:
 
 def unknowns_in_words(problem: Problem) -> tuple[str, ...]:
     """The free unknowns with the paints' names: a log-ratio is called by the paint whose share it moves."""
+    if problem.kind == "stack":
+        return problem.unknowns
     paints = [q.name for q in problem.quantities if q.name.startswith("fraction ")]
     return (*paints[:-1], *problem.unknowns[max(len(paints) - 1, 0) :])
 
@@ -255,6 +276,51 @@ def posterior_of_bands(
         gloss = float(estimate_gloss(film, instrument, noise)[0]) if isinstance(film, Films) else 1.0
     problem = pose_bands(reading, gloss, instrument)
     found = find_modes(problem, seed=seed)
+    return sample(
+        problem, (reading,), found, steps=steps, walkers=walkers, thin=thin, seed=seed, path=path, resume=resume,
+        overwrite=overwrite, progress=progress,
+    )  # fmt: skip
+
+
+def posterior_of_coats(
+    film: Films | Reading,
+    coats: Sequence[CoatPrior],
+    *,
+    instrument: Instrument | None = None,
+    noise: Noise | None = None,
+    prior: FilmPrior | None = None,
+    spectra: SpectraPrior | None = None,
+    steps: int = 5000,
+    walkers: int | None = None,
+    thin: int = 5,
+    seed: int = 0,
+    path: str | Path | None = None,
+    resume: bool = False,
+    overwrite: bool = False,
+    progress: bool = False,
+) -> Posterior:
+    """Thickness and fractions of every coat of a film, gloss and the paints' error; k and s of one unknown paint.
+
+    Readings and slopes come from the solver itself, at an error of 1e-4. `Posterior.identifiability` names what the
+    readings do not tell.
+
+    Args:
+        film: one film over black and white, or a `Reading`, over one ground or more.
+        coats: top first, at most six, with an unknown paint in one of them at most; what is not known of each is found.
+        spectra: what is likely of an unknown paint's k and s.
+        walkers: of the ensemble, even; by default 32, or as many as the unknowns need.
+        instrument, noise, prior, steps, thin, seed, path, resume, overwrite, progress: see `posterior_of_film`.
+
+    Raises:
+        ValueError, FileExistsError, FileNotFoundError: as `posterior_of_film`, and for a stack that cannot be found
+            (`glazefit.posterior.coats.check_coats`).
+    """
+    instrument, prior = instrument or Instrument(), prior or FilmPrior()
+    coats = check_coats(coats)
+    reading = one_reading(film, instrument, noise or Noise())
+    problem = pose_stack([reading], [coats], instrument, prior, spectra or SpectraPrior())
+    walkers = walkers or max(_WALKERS, 2 * problem.dims + 2)
+    problem, found = pose_stack_errors(problem, [reading], prior, seed=seed)
     return sample(
         problem, (reading,), found, steps=steps, walkers=walkers, thin=thin, seed=seed, path=path, resume=resume,
         overwrite=overwrite, progress=progress,
