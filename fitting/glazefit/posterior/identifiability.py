@@ -141,7 +141,7 @@ def _of_spectra(optical: Float[np.ndarray, "draws bands 2"], wavelengths: Float[
 def of_coats(
     problem: Problem, free: Float[np.ndarray, "draws blocks dims"], wavelengths: Float[np.ndarray, "bands"]
 ) -> Identifiability:
-    """What is open in films of several coats: first each unknown by itself, then ties of those that are told.
+    """What is open in films of several coats: first each unknown by itself, then ties of thicknesses and fractions.
 
     Args:
         problem: of the films.
@@ -153,14 +153,15 @@ def of_coats(
     sentences: list[str] = []
     for b, film in enumerate(problem.blocks):
         where = f"{film}: " if len(problem.blocks) > 1 else ""
-        told = []
+        ties = []
         for quantity in problem.quantities:
             if quantity.name not in problem.unknowns:
                 continue
             words = _told(quantity, free[:, b], beforehand)
             sentences += [where + words] if words else []
-            told += [] if words == _untold(quantity.name) else [problem.unknowns.index(quantity.name)]
-        sentences += [where + words for words in _tied(free[:, b], problem, told)]
+            if words != _untold(quantity.name) and " of coat " in quantity.name:
+                ties.append(problem.unknowns.index(quantity.name))
+        sentences += [where + words for words in _tied(free[:, b], problem, ties)]
         spectra = [
             np.stack([q.values(free[:, b]) for q in problem.quantities if q.spectrum == what], axis=-1)
             for what in ("absorption", "scattering")
@@ -190,13 +191,13 @@ def _told(
     return ""
 
 
-def _tied(free: Float[np.ndarray, "draws dims"], problem: Problem, told: Sequence[int]) -> list[str]:
-    """Open directions of several unknowns, and unknowns that move together, of those that are told by themselves."""
-    if not told:
+def _tied(free: Float[np.ndarray, "draws dims"], problem: Problem, some: Sequence[int]) -> list[str]:
+    """Open directions of several of these unknowns, and unknowns that move together."""
+    if not some:
         return []
-    names = [problem.unknowns[i] for i in told]
-    prior = problem.prior_covariance[np.ix_(told, told)]
-    found = of_paints(free[:, None, told], prior, names, [""])
+    names = [problem.unknowns[i] for i in some]
+    prior = problem.prior_covariance[np.ix_(some, some)]
+    found = of_paints(free[:, None, some], prior, names, [""])
     return [words for words in found.sentences if " little of " not in words or " one direction " in words]
 
 

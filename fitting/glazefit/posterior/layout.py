@@ -1,6 +1,7 @@
 """Which unknowns a film of coats has, where each stands, what it is called, and what is likely of it beforehand."""
 
 import functools
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -50,7 +51,7 @@ class Layout:
     def paints(self) -> tuple[slice, ...]:
         """Where each coat's paints stand among all."""
         ends = np.cumsum([0, *self.sizes])
-        return tuple(slice(int(a), int(b)) for a, b in zip(ends[:-1], ends[1:], strict=True))
+        return tuple(slice(int(a), int(b)) for a, b in itertools.pairwise(ends))
 
     @property
     def places(self) -> "Places":

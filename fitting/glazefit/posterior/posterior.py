@@ -3,6 +3,7 @@
 `posterior_of_film` asks how much of which known paint a film holds, how thick it is and how far the paints' own k and
 s are off; `posterior_of_bands` asks for k d and s d at every wavelength of a measured film, with no paint assumed. Both
 give Laplace's standard errors at once and, with `steps`, a chain of emcee beside them.
+`glazefit.posterior.of_coats` asks the same of a film of several coats.
 
 ArviZ, emcee and h5py are loaded when a posterior is computed, not before.
 """
@@ -23,21 +24,15 @@ from ..film.films import Films, Instrument, Noise
 from ..film.gloss import estimate_gloss
 from ..film.reading import Reading, readings
 from .bands import pose_bands
-from .coats import CoatPrior, check_coats
 from .film import FilmPrior, pose_films
 from .film_errors import pose_errors
 from .identifiability import Identifiability, of_bands, of_coats, of_paints
 from .laplace import Laplace, Modes, find_modes, laplace
 from .problem import Problem
-from .spectra import SpectraPrior
-from .stack import pose_stack
-from .stack_errors import pose_stack_errors
 from .summary import Row, compare, numbers
 
 if TYPE_CHECKING:
     from .chain import Chain, Convergence
-
-_WALKERS = 32
 
 
 @dataclass(frozen=True)
@@ -276,51 +271,6 @@ def posterior_of_bands(
         gloss = float(estimate_gloss(film, instrument, noise)[0]) if isinstance(film, Films) else 1.0
     problem = pose_bands(reading, gloss, instrument)
     found = find_modes(problem, seed=seed)
-    return sample(
-        problem, (reading,), found, steps=steps, walkers=walkers, thin=thin, seed=seed, path=path, resume=resume,
-        overwrite=overwrite, progress=progress,
-    )  # fmt: skip
-
-
-def posterior_of_coats(
-    film: Films | Reading,
-    coats: Sequence[CoatPrior],
-    *,
-    instrument: Instrument | None = None,
-    noise: Noise | None = None,
-    prior: FilmPrior | None = None,
-    spectra: SpectraPrior | None = None,
-    steps: int = 5000,
-    walkers: int | None = None,
-    thin: int = 5,
-    seed: int = 0,
-    path: str | Path | None = None,
-    resume: bool = False,
-    overwrite: bool = False,
-    progress: bool = False,
-) -> Posterior:
-    """Thickness and fractions of every coat of a film, gloss and the paints' error; k and s of one unknown paint.
-
-    Readings and slopes come from the solver itself, at an error of 1e-4. `Posterior.identifiability` names what the
-    readings do not tell.
-
-    Args:
-        film: one film over black and white, or a `Reading`, over one ground or more.
-        coats: top first, at most six, with an unknown paint in one of them at most; what is not known of each is found.
-        spectra: what is likely of an unknown paint's k and s.
-        walkers: of the ensemble, even; by default 32, or as many as the unknowns need.
-        instrument, noise, prior, steps, thin, seed, path, resume, overwrite, progress: see `posterior_of_film`.
-
-    Raises:
-        ValueError, FileExistsError, FileNotFoundError: as `posterior_of_film`, and for a stack that cannot be found
-            (`glazefit.posterior.coats.check_coats`).
-    """
-    instrument, prior = instrument or Instrument(), prior or FilmPrior()
-    coats = check_coats(coats)
-    reading = one_reading(film, instrument, noise or Noise())
-    problem = pose_stack([reading], [coats], instrument, prior, spectra or SpectraPrior())
-    walkers = walkers or max(_WALKERS, 2 * problem.dims + 2)
-    problem, found = pose_stack_errors(problem, [reading], prior, seed=seed)
     return sample(
         problem, (reading,), found, steps=steps, walkers=walkers, thin=thin, seed=seed, path=path, resume=resume,
         overwrite=overwrite, progress=progress,

@@ -19,7 +19,7 @@ class SpectraPrior:
 
     The defaults describe the twenty oil paints of the catalogue in films of 25 um. There log k d is -.9 with a standard
     deviation of 3.6, log s d .5 with 2.0; half the mean square of log k's difference between bands 10, 50 and 160 nm
-    apart is .04, 1.0 and 6.3, that of log s .003, .07 and .5, but Prussian blue's alone nine times that: s may vary more.
+    apart is .04, 1.0 and 6.3, that of log s .003, .07 and .5; s may vary more here for Prussian blue's sake.
 
     Attributes:
         absorption, scattering: medians of k d and s d.

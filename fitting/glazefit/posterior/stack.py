@@ -151,8 +151,8 @@ def pose_stack(
 
     Args:
         films: on the same wavelengths and over as many grounds each.
-        coats: of each film, top first (see `glazefit.posterior.coats.check_coats`); what is unknown is the same for all,
-            and what is expected of unknown thicknesses.
+        coats: of each film, top first (see `glazefit.posterior.coats.check_coats`); what is unknown is the same for
+            all, and what is expected of unknown thicknesses.
         instrument: that read them.
         prior: usual thickness, its spread, fractions' concentration and the paints' error.
         spectra: of an unknown paint.
@@ -215,7 +215,7 @@ def pose_stack(
         np.asarray(getattr(p, w)) for s in stacks for c in s for p in c.paints for w in ("absorption", "scattering")
     ]
     parts = [part for film in films for part in reading_parts(film)]
-    known = [[(c.thickness, c.spread, c.fractions) for c in stack] for stack in coats]
+    known = repr([[(c.thickness, c.spread, c.fractions) for c in stack] for stack in coats])
     named = first if count == 1 else None
     return Problem(
         kind="stack",

@@ -18,8 +18,8 @@ from ..film.reading import Reading
 from .film import FilmPrior
 from .film_errors import Slopes, expanded, settle
 from .laplace import Modes, climb, find_modes
-from .problem import Problem
 from .layout import Layout
+from .problem import Problem
 from .stack import TOLERANCE, StackData, StackShared, optical, surface
 
 _STARTS = 8
