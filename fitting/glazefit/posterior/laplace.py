@@ -32,7 +32,7 @@ _STEPS = 60
 _SOLVER = optx.LevenbergMarquardt(rtol=1e-6, atol=1e-6, linear_solver=GramSchmidt())
 _MANY = optx.LevenbergMarquardt(rtol=1e-6, atol=1e-6, linear_solver=NormalEquations())
 # Unknowns up to which the first is taken: it is unrolled.
-_FEW = 6
+_FEW = 7
 # A direction that the data leave open is taken at most this many prior standard deviations wide.
 _WIDEST = 1.0
 # Modes nearer than this many of their standard deviations are one.
