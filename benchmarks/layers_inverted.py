@@ -241,7 +241,7 @@ def main() -> None:
         times = state.length / state.times
         say(f"length in autocorrelation times: median {np.median(times):.0f}, least {times.min():.0f}")
         say(f"{time.perf_counter() - began:.0f} s, compilation included")
-    say.save()
+        say.save()
 
 
 if __name__ == "__main__":
