@@ -20,7 +20,7 @@ from .film_errors import Slopes, expanded, settle
 from .laplace import Modes, climb, find_modes
 from .layout import Layout
 from .problem import Problem
-from .stack import TOLERANCE, StackData, StackShared, optical, surface
+from .stack import TOLERANCE, StackData, StackResiduals, StackShared, optical, surface
 
 _STARTS = 8
 # Standard deviation of a reading that the first fit takes for granted: that of paints some per cent off.
@@ -76,6 +76,7 @@ def pose_stack_errors(
     problem: Problem, films: Sequence[Reading], prior: FilmPrior, *, seed: int = 0
 ) -> tuple[Problem, Modes]:
     """The problem of `glazefit.posterior.stack.pose_stack` with the paints' error, and its modes."""
+    assert isinstance(problem.residuals, StackResiduals)
     layout = problem.residuals.layout
     how, smooth = Solved(layout), smooth_kernel(films[0].wavelengths, prior.error_length)
     rough = [np.eye(film.sd.size) / np.hypot(film.sd, _ROUGH).ravel() for film in films]
