@@ -18,8 +18,9 @@ class SpectraPrior:
     """Prior of log k d and log s d of a coat of unknown paint.
 
     The defaults describe the twenty oil paints of the catalogue in films of 25 um. There log k d is -.9 with a standard
-    deviation of 3.6, log s d .5 with 2.0; half the mean square of log k's difference between bands 10, 50 and 160 nm
-    apart is .04, 1.0 and 6.3, that of log s .003, .07 and .5; s may vary more here for Prussian blue's sake.
+    deviation of 3.6, log s d .4 with 1.9; half the mean square of log k's difference between bands 10, 50 and 160 nm
+    apart is .04, 1.0 and 6.4, that of log s .001, .03 and .22. The prior lets s vary twice as much: few paints are
+    known, and a prior that is too narrow misleads where one too wide only tells less.
 
     Attributes:
         absorption, scattering: medians of k d and s d.
