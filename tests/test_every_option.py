@@ -39,6 +39,7 @@ ENGINES = {
     "posterior": [
         "glazefit.posterior.posterior:posterior_of_film",
         "glazefit.posterior.posterior:posterior_of_bands",
+        "glazefit.posterior.of_coats:posterior_of_coats",
         "glazefit.film.simulate:simulate_films",
     ],
 }
@@ -247,6 +248,8 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--out": Reaches("--out other", lambda g: Path(g["path"]).parent.name, "other"),
         "--sample": Reaches("--sample two", lambda g: g["film"].names, ("two",)),
         "--paints": Reaches("--paints Eosin", lambda g: [*map(name_of, g["paints"])], ["Eosin"]),
+        "--coats": Reaches("--coats Eosin:?,ZincWhite:20um", lambda g: [c.open_thickness for c in g["coats"]],
+                           [True, False], base=f"{FILMS} --sample one --out found", engine="posterior_of_coats"),
         "--bands": Reaches("--bands", lambda g: "paints" in g, False, base=f"{FILMS} --sample one --out found",
                            engine="posterior_of_bands"),
         "--pigments": Reaches(OWN_PAINTS, lambda g: float(g["paints"][0].absorption[0]), 1000.0,

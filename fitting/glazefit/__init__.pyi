@@ -15,10 +15,13 @@ from .identify.identify import identify as identify
 from .identify.identify import identify_films as identify_films
 from .identify.result import Candidate as Candidate
 from .identify.result import Identification as Identification
+from .posterior.coats import CoatPrior as CoatPrior
 from .posterior.film import FilmPrior as FilmPrior
+from .posterior.of_coats import posterior_of_coats as posterior_of_coats
 from .posterior.posterior import Posterior as Posterior
 from .posterior.posterior import posterior_of_bands as posterior_of_bands
 from .posterior.posterior import posterior_of_film as posterior_of_film
+from .posterior.spectra import SpectraPrior as SpectraPrior
 from .recipe.recipe import Recipe as Recipe
 from .recipe.recipe import find_recipes as find_recipes
 from .recipe.targets import Target as Target

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from glazefit.film.least_squares import GramSchmidt, back_substitute, orthogonalise
+from glazefit.film.least_squares import GramSchmidt, NormalEquations, back_substitute, orthogonalise
 
 
 def solve(matrix, vector):
@@ -20,6 +20,15 @@ def test_agrees_with_numpy(seed, columns, spare, spread):
     vector = rng.standard_normal(columns + spare)
     expected = np.linalg.lstsq(matrix, vector, rcond=None)[0]
     np.testing.assert_allclose(solve(matrix, vector), expected, rtol=1e-6 * np.linalg.cond(matrix) ** 0.5)
+
+
+@pytest.mark.parametrize("columns", [1, 7, 30])
+def test_normal_equations_agree_with_numpy(columns):
+    rng = np.random.default_rng(columns)
+    matrix, vector = rng.standard_normal((columns + 10, columns)), rng.standard_normal(columns + 10)
+    operator = lx.MatrixLinearOperator(jnp.asarray(matrix))
+    value = lx.linear_solve(operator, jnp.asarray(vector), NormalEquations()).value
+    np.testing.assert_allclose(value, np.linalg.lstsq(matrix, vector, rcond=None)[0], rtol=1e-8, atol=1e-10)
 
 
 def test_factors_stay_orthogonal_for_nearly_dependent_columns():

@@ -13,6 +13,8 @@ import lineax as lx
 from jaxtyping import Array, Float, PyTree
 from lineax.internal import pack_structures, ravel_vector, unravel_solution
 
+from glazejax.radiative.common.linalg import matmul, solve_positive
+
 State = TypeVar("State")
 
 
@@ -33,7 +35,7 @@ class FullRankSolver(lx.AbstractLinearSolver[State]):
 
 
 class _Factors(NamedTuple):
-    """Thin QR factors of an operator, and how its vectors are packed."""
+    """Thin QR factors of an operator, or it and its normal matrix, and how its vectors are packed."""
 
     q: Float[Array, "rows columns"]
     r: Float[Array, "columns columns"]
@@ -103,6 +105,28 @@ class GramSchmidt(FullRankSolver[_Factors]):
         """Solve for one right-hand side."""
         del options
         solution = back_substitute(state.r, state.q.T @ ravel_vector(vector, state.packed))
+        return unravel_solution(solution, state.packed), lx.RESULTS.successful, {}
+
+
+class NormalEquations(FullRankSolver[_Factors]):
+    """Least-squares solver for any number of columns, without LAPACK: the normal equations, by elimination.
+
+    They square the condition, so columns should be of like size and well apart, as those of a damped step are.
+    """
+
+    def init(self, operator: lx.AbstractLinearOperator, options: dict[str, Any]) -> _Factors:
+        """Multiply."""
+        del options
+        matrix = operator.as_matrix()
+        return _Factors(matrix, matmul(matrix.T, matrix), pack_structures(operator))
+
+    def compute(
+        self, state: _Factors, vector: PyTree[Array], options: dict[str, Any]
+    ) -> tuple[PyTree[Array], lx.RESULTS, dict[str, Any]]:
+        """Solve for one right-hand side."""
+        del options
+        right = matmul(ravel_vector(vector, state.packed), state.q)
+        solution = solve_positive(state.r, right[:, None])[:, 0]
         return unravel_solution(solution, state.packed), lx.RESULTS.successful, {}
 
 

@@ -9,14 +9,14 @@ from jaxtyping import Float
 from glazejax import Pigment
 
 from .films import Films, Instrument, Noise, usual_cards
-from .model import body_reflectance
+from .optics import Optics
 
 
 def simulate_films(
     names: Sequence[str],
     wavelengths: Float[np.ndarray, "bands"],
-    absorption: Float[np.ndarray, "films bands"],
-    scattering: Float[np.ndarray, "films bands"],
+    absorption: Float[np.ndarray, "films bands *coats"],
+    scattering: Float[np.ndarray, "films bands *coats"],
     *,
     instrument: Instrument | None = None,
     noise: Noise | None = None,
@@ -27,21 +27,20 @@ def simulate_films(
     Args:
         names: of the films.
         wavelengths: (bands,), nm.
-        absorption, scattering: k d and s d, (films, bands), their sum > 0.
+        absorption, scattering: k d and s d, (films, bands), or (films, bands, coats) for several coats, top first.
         instrument, noise: by default those of `recover_films`.
         seed: of the noise; equal seeds give equal spectra.
     """
     instrument, noise = instrument or Instrument(), noise or Noise()
     rng = np.random.default_rng(seed)
-    k, s = np.asarray(absorption), np.asarray(scattering)
+    k, s = (np.asarray(a).reshape(len(names), len(wavelengths), -1) for a in (absorption, scattering))
     black, white = usual_cards(wavelengths)
-    grounds = np.broadcast_to(np.stack([black, white], axis=-1), (*k.shape, 2))
-    empty = np.full((1, 1), 1e-12)
+    grounds = np.broadcast_to(np.stack([black, white], axis=-1), (*k.shape[:2], 2))
+    optics = Optics.of(instrument.geometry, instrument.refractive_index)
+    empty = np.full((1, 1, 1), 1e-12)
 
     def read(k: np.ndarray, s: np.ndarray) -> np.ndarray:
-        body = body_reflectance(
-            jnp.asarray(k)[..., None], jnp.asarray(s)[..., None], jnp.asarray(grounds), instrument, 1e-6
-        )
+        body = optics.body(jnp.asarray(k)[:, :, None], jnp.asarray(s)[:, :, None], jnp.asarray(grounds), 1e-6)
         exact = np.asarray(body) + instrument.seen_surface
         return np.maximum(exact + noise.sd(exact) * rng.standard_normal(exact.shape), 0.0)
 

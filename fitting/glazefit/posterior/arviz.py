@@ -69,9 +69,13 @@ def inference_data(
 
     variables: dict[str, np.ndarray] = {}
     fractions = []
+    optical: dict[str, list[np.ndarray]] = {}
+    spectrum = {q.name: q.spectrum for q in problem.quantities}
     for name, values in draws.items():
         if name.startswith("fraction "):
             fractions.append((name.removeprefix("fraction "), values))
+        elif spectrum[name]:
+            optical.setdefault(spectrum[name], []).append(by_block(spectrum[name], values))
         else:
             key = name.replace(" ", "_")
             variables[key] = by_block(key, values)
@@ -79,6 +83,9 @@ def inference_data(
         coords["paint"] = [paint for paint, _ in fractions]
         variables["fraction"] = np.stack([by_block("fraction", values) for _, values in fractions], axis=-1)
         dims["fraction"] = [*dims.get("fraction", []), "paint"]
+    for name, each_band in optical.items():
+        variables[name] = np.stack(each_band, axis=-1)
+        dims[name] = [*dims.get(name, []), "wavelength"]
 
     flat = free.reshape(-1, *free.shape[2:])
     likelihood = problem.log_likelihood(flat).reshape(free.shape[:3])

@@ -15,10 +15,11 @@ if TYPE_CHECKING:
 
     from ..film.films import Films, Instrument, Noise
     from ..film.reading import Reading
+    from .coats import CoatPrior
     from .film import FilmPrior
     from .posterior import Posterior
 
-_GEOMETRY, _PAINT_ERROR = "d:8", 0.05
+_GEOMETRY, _PAINT_ERROR, _WALKERS = "d:8", 0.05, 32
 
 CHAIN, DATA, SUMMARY = "chain.h5", "posterior.nc", "summary.csv"
 CORNER, BANDS = "corner.png", "bands.png"
@@ -51,6 +52,16 @@ def posterior(
             show_default=False,
         ),
     ] = "",
+    coats: Annotated[
+        str,
+        typer.Option(
+            metavar="COATS",
+            help="Several coats, top first, written as `glazejax render --layers` takes them, with ~ before a "
+            "thickness that is about right and ? for one not known: Eosin:~5um,ZincWhite+CobaltBlue:? (fractions of "
+            "the lower coat not known either); ?:? is a coat of unknown paint, whose k and s are found.",
+            show_default=False,
+        ),
+    ] = "",
     bands: Annotated[
         bool, typer.Option("--bands", help="Assume no paint: find k and s times thickness at every wavelength.")
     ] = False,
@@ -60,7 +71,13 @@ def posterior(
     steps: Annotated[
         int, typer.Option(help="Steps of the whole emcee chain; 0 for Laplace's standard errors alone.")
     ] = 5000,
-    walkers: Annotated[int, typer.Option(help="Walkers of emcee's ensemble, an even number.")] = 32,
+    walkers: Annotated[
+        int | None,
+        typer.Option(
+            help="Walkers of emcee's ensemble, an even number. Default: 32, or more where --coats has many unknowns.",
+            show_default=False,
+        ),
+    ] = None,
     thin: Annotated[int, typer.Option(help="Keep every so many-th step: 5 keeps steps 5, 10, 15, ...")] = 5,
     seed: options.Seed = 0,
     resume: Annotated[
@@ -82,7 +99,7 @@ def posterior(
     incidence: options.OldIncidence = None,
     specular: options.OldSpecular = None,
 ) -> None:
-    """How well a film is known: its paints and thickness, or its k and s, each with an error.
+    """How well a film is known: its paints and thickness, coat by coat, or its k and s, each with an error.
 
     Prints medians and 90 % intervals by emcee (the posterior) beside Laplace's
     standard errors, and says what the measurement cannot tell.
@@ -92,7 +109,7 @@ def posterior(
 
     Try it without data: glazejax posterior --simulate --paints CobaltBlue,ZincWhite --out demo
     """
-    _check(file, sample, paints, bands, simulate, ground)
+    _check(file, sample, paints, coats, bands, simulate, ground)
     require("matplotlib", "corner", "arviz", "h5py", "tqdm")
     folder = _check_folder(out, resume, overwrite)
     usual = options.read_length(thickness)
@@ -114,13 +131,15 @@ def posterior(
     console = Console(highlight=False)
     instrument = Instrument(seen_by, refractive_index)
     errors = Noise(noise, noise_share)
-    names = options.listed(paints)
+    prior = FilmPrior(thickness=usual, error=paint_error)
+    made_of = _Paints(options.listed(paints), coats, bands, pigments, prior)
     task = (
-        _simulated(names, pigments, usual, instrument, errors, seed, console)
+        _simulated(made_of, instrument, errors, seed, console)
         if simulate
-        else _measured(file, sample, names, bands, pigments, ground, errors, console)
+        else _measured(file, sample, made_of, ground, errors, console)
     )
-    prior = None if bands else FilmPrior(thickness=usual, error=paint_error)
+    if walkers is None and not coats:
+        walkers = _WALKERS
     chain = {"steps": steps, "walkers": walkers, "thin": thin, "seed": seed, "resume": resume, "overwrite": overwrite}
     result = _run(task, prior, folder, {"instrument": instrument, "noise": errors, **chain})
     _write(result, folder, console)
@@ -135,17 +154,33 @@ def posterior(
         console.print("To lengthen the chain, give the same command with --resume and more --steps.")
 
 
+class _Paints(NamedTuple):
+    """What was said of the film's paints, and what is usual."""
+
+    names: list[str]
+    coats: str
+    bands: bool
+    pigments: Path | None
+    prior: "FilmPrior"
+
+
 class _Task(NamedTuple):
-    """One film, and what it is made of (nothing for --bands)."""
+    """One film, and what it is made of: paints, coats, or nothing for --bands."""
 
     film: "Films | Reading"
     paints: "list[Pigment]"
+    coats: "tuple[CoatPrior, ...]" = ()
 
 
-def _check(file: Path | None, sample: str, paints: str, bands: bool, simulate: bool, ground: str | None) -> None:
+def _check(
+    file: Path | None, sample: str, paints: str, coats: str, bands: bool, simulate: bool, ground: str | None
+) -> None:
+    if coats and (paints or bands):
+        other = "--paints" if paints else "--bands"
+        raise ValueError(f"--coats says what each coat is made of; leave out {other}, or leave out --coats")
     if simulate and file is not None:
         raise ValueError(f"--simulate needs no data; leave out {file}, or leave out --simulate")
-    if simulate and not paints:
+    if simulate and not (paints or coats):
         raise ValueError("--simulate needs paints to simulate: add --paints, such as --paints CobaltBlue,ZincWhite")
     if simulate and sample:
         raise ValueError(f"--simulate makes its own film; leave out --sample {sample}")
@@ -167,52 +202,62 @@ def _check_folder(out: Path | None, resume: bool, overwrite: bool) -> Path:
     return folder
 
 
-def _simulated(
-    names: list[str],
-    pigments: Path | None,
-    thickness: float,
-    instrument: "Instrument",
-    noise: "Noise",
-    seed: int,
-    console: "Console",
-) -> _Task:
+def _simulated(made_of: _Paints, instrument: "Instrument", noise: "Noise", seed: int, console: "Console") -> _Task:
+    """Equal parts of the paints, or coats as described: unknown fractions equal, unknown thicknesses the usual one."""
     import numpy as np
 
     from glazejax.paint.describe import format_length
 
     from ..film.simulate import simulate_films
+    from .coats import CoatPrior
 
-    paints = _paints(names, pigments)
+    usual = made_of.prior.thickness
+    paints = _paints(made_of.names, made_of.pigments)
+    coats = _coats(made_of) or (CoatPrior(paints),)
+    if any(coat.unknown for coat in coats):
+        raise ValueError("--simulate cannot make a film of an unknown paint (?); name a paint in its place")
+    grid = coats[0].paints[0].wavelengths
+    thick = [usual if coat.thickness is None else coat.thickness for coat in coats]
     k, s = (
-        thickness * np.mean([np.asarray(getattr(p, what)) for p in paints], axis=0)
+        np.stack(
+            [
+                d
+                * np.einsum("p,pb->b", coat.shares, [np.asarray(getattr(p.resample(grid), what)) for p in coat.paints])
+                for coat, d in zip(coats, thick, strict=True)
+            ],
+            axis=-1,
+        )
         for what in ("absorption", "scattering")
     )
-    film = simulate_films(
-        ["simulated"], paints[0].wavelengths, k[None], s[None], instrument=instrument, noise=noise, seed=seed
+    film = simulate_films(["simulated"], grid, k[None], s[None], instrument=instrument, noise=noise, seed=seed)
+    parts = " over ".join(
+        f"{' + '.join(f'{share:.3g} {p.name}' for share, p in zip(coat.shares, coat.paints, strict=True))}, "
+        f"{format_length(d)} thick,"
+        for coat, d in zip(coats, thick, strict=True)
     )
-    console.print(
-        f"[bold]Simulated data:[/bold] equal parts of {', '.join(p.name for p in paints)}, {format_length(thickness)} "
-        f"thick, with made-up noise (seed {seed}). Nothing here was measured."
-    )
-    return _Task(film, paints)
+    console.print(f"[bold]Simulated data:[/bold] {parts} with made-up noise (seed {seed}). Nothing here was measured.")
+    return _Task(film, paints, coats if made_of.coats else ())
 
 
 def _measured(
-    file: Path | None,
-    sample: str,
-    names: list[str],
-    bands: bool,
-    pigments: Path | None,
-    ground: str | None,
-    noise: "Noise",
-    console: "Console",
+    file: Path | None, sample: str, made_of: _Paints, ground: str | None, noise: "Noise", console: "Console"
 ) -> _Task:
     assert file is not None
     film = _film(file, sample, console) if ground is None else _spectrum(file, sample, ground, noise, console)
-    if bands:
+    if made_of.bands:
         return _Task(film, [])
-    names = names or _recipe(file, sample)
-    return _Task(film, _paints(names, pigments))
+    if made_of.coats:
+        return _Task(film, [], _coats(made_of))
+    return _Task(film, _paints(made_of.names or _recipe(file, sample), made_of.pigments))
+
+
+def _coats(made_of: _Paints) -> "tuple[CoatPrior, ...]":
+    """The coats of --coats, or none."""
+    from .coats import parse_coats
+
+    if not made_of.coats:
+        return ()
+    return parse_coats(made_of.coats, options.read_shelf(made_of.pigments), made_of.prior.thickness_spread)
 
 
 def _film(file: Path, sample: str, console: "Console") -> "Films":
@@ -263,16 +308,19 @@ def _paints(names: list[str], pigments: Path | None) -> "list[Pigment]":
     return [shelf[find_name(name, shelf)] for name in names]
 
 
-def _run(task: _Task, prior: "FilmPrior | None", out: Path, given: dict[str, Any]) -> "Posterior":
-    """The posterior of the film's paints, or of its bands where there is no prior of paints."""
+def _run(task: _Task, prior: "FilmPrior", out: Path, given: dict[str, Any]) -> "Posterior":
+    """The posterior of the film's paints, of its coats, or of its bands where no paint is assumed."""
     from rich.console import Console
 
+    from .of_coats import posterior_of_coats
     from .posterior import posterior_of_bands, posterior_of_film
 
     out.mkdir(parents=True, exist_ok=True)
     given = given | {"path": out / CHAIN, "progress": True}
     Console(stderr=True).print("[dim]Finding the mode; the first run compiles for up to a minute.[/dim]")
-    if prior is None:
+    if task.coats:
+        return posterior_of_coats(task.film, task.coats, prior=prior, **given)
+    if not task.paints:
         return posterior_of_bands(task.film, **given)
     return posterior_of_film(task.film, task.paints, prior=prior, **given)
 
@@ -292,5 +340,5 @@ def _write(result: "Posterior", out: Path, console: "Console") -> None:
     plot_bands(result, out / BANDS)
     kept = [CHAIN] if result.chain is not None else []
     console.print(f"Wrote {', '.join([*kept, DATA, SUMMARY, CORNER, BANDS])} to {out}")
-    if result.problem.kind == "paints":
+    if result.problem.kind != "bands":
         console.print("[dim]Thickness is on the scale of the paints; the catalogue's assume films of 25 µm.[/dim]")

@@ -213,14 +213,8 @@ def check_paints(film: Reading, paints: Sequence[Pigment]) -> list[Pigment]:
 
 def _quantities(names: Sequence[object], free: tuple[str, ...], prior: FilmPrior) -> tuple[Quantity, ...]:
     count = len(names)
-
-    def fraction(values: np.ndarray, which: int) -> np.ndarray:
-        ratios = np.concatenate([values[..., : count - 1], np.zeros_like(values[..., :1])], axis=-1)
-        shares = np.exp(ratios - ratios.max(axis=-1, keepdims=True))
-        return shares[..., which] / shares.sum(axis=-1)
-
     found = [
-        Quantity(f"fraction {name}", False, functools.partial(fraction, which=i))
+        Quantity(f"fraction {name}", False, functools.partial(fraction, at=slice(0, count - 1), which=i))
         for i, name in enumerate(names)
         if count > 1
     ]
@@ -231,12 +225,29 @@ def _quantities(names: Sequence[object], free: tuple[str, ...], prior: FilmPrior
     return tuple(found)
 
 
+def fraction(free: Float[np.ndarray, "*n dims"], at: slice, which: int) -> Float[np.ndarray, "*n"]:
+    """One paint's fraction, from the log-ratios to the last paint's that stand at these places."""
+    ratios = np.concatenate([free[..., at], np.zeros_like(free[..., :1])], axis=-1)
+    shares = np.exp(ratios - ratios.max(axis=-1, keepdims=True))
+    return shares[..., which] / shares.sum(axis=-1)
+
+
+def draw_ratios(rng: np.random.Generator, n: int, count: int, concentration: float) -> Float[np.ndarray, "n ratios"]:
+    """Log-ratios to the last of fractions with a Dirichlet distribution."""
+    # A fraction of exactly 0 has no logarithm.
+    shares = np.log(np.maximum(rng.dirichlet(np.full(count, concentration), n), 1e-12))
+    return shares[:, :-1] - shares[:, -1:]
+
+
+def ratios_covariance(count: int, concentration: float) -> Float[np.ndarray, "ratios ratios"]:
+    """Of `draw_ratios`: trigamma functions of the concentrations (Aitchison 1986)."""
+    return float(polygamma(1, concentration)) * (np.eye(count - 1) + 1.0)
+
+
 def _prior_draws(
     rng: np.random.Generator, n: int, *, count: int, gloss: bool, prior: FilmPrior
 ) -> Float[np.ndarray, "n dims"]:
-    # A fraction of exactly 0 has no logarithm.
-    shares = np.log(np.maximum(rng.dirichlet(np.full(count, prior.concentration), n), 1e-12))
-    columns = [shares[:, :-1] - shares[:, -1:], prior.thickness_spread * rng.standard_normal((n, 1))]
+    columns = [draw_ratios(rng, n, count, prior.concentration), prior.thickness_spread * rng.standard_normal((n, 1))]
     if gloss:
         columns.append(rng.logistic(size=(n, 1)))
     columns.append(np.log(prior.error) + prior.error_spread * rng.standard_normal((n, 1)))
@@ -244,11 +255,9 @@ def _prior_draws(
 
 
 def _prior_covariance(count: int, gloss: bool, prior: FilmPrior) -> Float[np.ndarray, "dims dims"]:
-    """Of log-ratios of a Dirichlet distribution: trigamma functions of its concentrations (Aitchison 1986)."""
     dims = count + 1 + gloss
     covariance = np.zeros((dims, dims))
-    trigamma = float(polygamma(1, prior.concentration))
-    covariance[: count - 1, : count - 1] = trigamma * (np.eye(count - 1) + 1.0)
+    covariance[: count - 1, : count - 1] = ratios_covariance(count, prior.concentration)
     covariance[count - 1, count - 1] = prior.thickness_spread**2
     if gloss:
         covariance[count, count] = np.pi**2 / 3.0

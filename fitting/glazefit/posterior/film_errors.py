@@ -9,7 +9,7 @@ too much would leave that band no light of its own and no error, and settle the 
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import jax
 import jax.numpy as jnp
@@ -31,13 +31,44 @@ _STARTS = 8
 _STEPS, _LONGEST = 8, 1.0
 
 
-class _Slopes(NamedTuple):
-    """At log k d and log s d of every band, (films, bands, grounds): the body's reflectance and its slopes."""
+class Slopes(NamedTuple):
+    """The body's reflectance of every band, and its slopes by log k d and log s d, of every coat if there are more."""
 
-    body: np.ndarray
-    by_k: np.ndarray
-    by_s: np.ndarray
-    by_ground: np.ndarray
+    body: Float[np.ndarray, "films bands grounds"]
+    by_log: Float[np.ndarray, "films errors bands grounds"]
+    by_ground: Float[np.ndarray, "films bands grounds"]
+
+
+class Optical(Protocol):
+    """How the readings of a problem's films hang on optical thickness."""
+
+    def slopes(
+        self, logs: Float[np.ndarray, "films errors bands"], ground: Float[np.ndarray, "films bands grounds"]
+    ) -> Slopes:
+        """At these log k d and log s d."""
+        ...
+
+    def at(
+        self, problem: Problem, free: Float[np.ndarray, "films dims"]
+    ) -> tuple[Float[np.ndarray, "films errors bands"], Float[np.ndarray, "films"]]:
+        """Log k d and log s d of paints without error, and what the surface adds to a reading."""
+        ...
+
+
+class Tabulated(NamedTuple):
+    """Films of one coat: an `Optical`."""
+
+    table: FilmResponse
+
+    def slopes(self, logs: np.ndarray, ground: np.ndarray) -> Slopes:
+        """See `Optical`."""
+        body, by_k, by_s, by_ground = (np.asarray(a) for a in _slopes(logs[:, 0], logs[:, 1], ground, self.table))
+        return Slopes(body, np.stack([by_k, by_s], axis=1), by_ground)
+
+    def at(self, problem: Problem, free: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """See `Optical`."""
+        k, s, surface = (np.asarray(a) for a in _at(free, problem.data, problem.shared))
+        return np.log(np.maximum(np.stack([k, s], axis=1), 1e-9)), surface
 
 
 @jax.jit
@@ -56,21 +87,30 @@ def _slopes(
     return body, *slopes
 
 
-def _slopes_at(logs: np.ndarray, ground: np.ndarray, table: FilmResponse) -> _Slopes:
-    return _Slopes(*(np.asarray(a) for a in _slopes(logs[:, 0], logs[:, 1], ground, table)))
+@jax.jit
+def _at(free: Float[Array, "films dims"], data, shared) -> tuple[Array, Array, Array]:
+    """k d and s d of the mixture and what the surface adds."""
+    k, s = jax.vmap(mixture)(free, data)
+    return k, s, jax.vmap(surface, in_axes=(0, 0, None))(free, data, shared)
 
 
 def pose_errors(
     problem: Problem, films: Sequence[Reading], instrument: Instrument, prior: FilmPrior, *, seed: int = 0
 ) -> tuple[Problem, Modes]:
     """The problem of `glazefit.posterior.film.pose_films` with the model's error, and its modes."""
-    smooth = smooth_kernel(films[0].wavelengths, prior.error_length)
+    smooth, how = smooth_kernel(films[0].wavelengths, prior.error_length), Tabulated(problem.shared.response)
     first = _own_logs(films, instrument)
-    problem = _expanded(problem, films, first, np.zeros_like(first), smooth)
-    found = find_modes(problem, starts=_STARTS, seed=seed)
+    problem = expanded(problem, films, how, first, np.zeros_like(first), smooth)
+    return settle(problem, films, how, find_modes(problem, starts=_STARTS, seed=seed), smooth)
+
+
+def settle(
+    problem: Problem, films: Sequence[Reading], how: Optical, found: Modes, smooth: Float[np.ndarray, "bands bands"]
+) -> tuple[Problem, Modes]:
+    """The problem made linear in the errors about the likeliest ones, and its modes, in some rounds from first ones."""
     for _ in range(_ROUNDS):
-        logs, delta = _likeliest(problem, found.points[:, 0], films, smooth)
-        problem = _expanded(problem, films, logs + delta, delta, smooth)
+        logs, delta = _likeliest(problem, found.points[:, 0], films, how, smooth)
+        problem = expanded(problem, films, how, logs + delta, delta, smooth)
         found = climb(problem, found.points)
     return problem, found
 
@@ -85,17 +125,20 @@ def _own_logs(films: Sequence[Reading], instrument: Instrument) -> Float[np.ndar
 
 
 def _likeliest(
-    problem: Problem, free: Float[np.ndarray, "films dims"], films: Sequence[Reading], smooth: np.ndarray
-) -> tuple[Float[np.ndarray, "films 2 bands"], Float[np.ndarray, "films 2 bands"]]:
+    problem: Problem,
+    free: Float[np.ndarray, "films dims"],
+    films: Sequence[Reading],
+    how: Optical,
+    smooth: Float[np.ndarray, "bands bands"],
+) -> tuple[Float[np.ndarray, "films errors bands"], Float[np.ndarray, "films errors bands"]]:
     """Log k d and log s d of the mixtures, and their likeliest errors, by Gauss-Newton steps."""
-    data, table = problem.data, problem.shared.response
-    k, s, surface = (np.asarray(a) for a in _at(free, data, problem.shared))
-    logs = np.log(np.maximum(np.stack([k, s], axis=1), 1e-9))
+    data = problem.data
+    logs, surface = how.at(problem, free)
     unexplained = np.asarray(data.reading) - surface[:, None, None]
     share = np.exp(free[:, -1])[:, None, None] ** 2
     delta = np.asarray(data.shift)
     for _ in range(_STEPS):
-        slopes = _slopes_at(logs + delta, np.asarray(data.ground), table)
+        slopes = how.slopes(logs + delta, np.asarray(data.ground))
         jacobian = _jacobian(slopes)
         carried = jacobian @ delta.reshape(len(films), -1, 1)
         left = (unexplained - slopes.body).reshape(carried.shape) + carried
@@ -107,42 +150,36 @@ def _likeliest(
     return logs, delta
 
 
-@jax.jit
-def _at(free: Float[Array, "films dims"], data, shared) -> tuple[Array, Array, Array]:
-    """k d and s d of the mixture and what the surface adds."""
-    k, s = jax.vmap(mixture)(free, data)
-    return k, s, jax.vmap(surface, in_axes=(0, 0, None))(free, data, shared)
-
-
-def _jacobian(slopes: _Slopes) -> Float[np.ndarray, "films rows errors"]:
-    """From errors of log k and log s of all bands to the readings of all bands and grounds."""
-    films, bands, grounds = slopes.by_k.shape
-    same = np.eye(bands)[None, :, None, :]
-    parts = [(slope[..., None] * same).reshape(films, bands * grounds, bands) for slope in (slopes.by_k, slopes.by_s)]
-    return np.concatenate(parts, axis=-1)
+def _jacobian(slopes: Slopes) -> Float[np.ndarray, "films rows errors"]:
+    """From errors of log k and log s of all bands, and of all coats, to the readings of all bands and grounds."""
+    films, errors, bands, grounds = slopes.by_log.shape
+    whole = np.einsum("febg,bc->fbgec", slopes.by_log, np.eye(bands))
+    return whole.reshape(films, bands * grounds, errors * bands)
 
 
 def _prior_times(smooth: np.ndarray, jacobian: np.ndarray) -> Float[np.ndarray, "films errors rows"]:
     """Prior covariance of the errors of log k and log s, per unit, times the transposed Jacobian."""
     bands = len(smooth)
-    return np.concatenate([smooth @ np.swapaxes(jacobian[..., i : i + bands], 1, 2) for i in (0, bands)], axis=1)
+    each = range(0, jacobian.shape[-1], bands)
+    return np.concatenate([smooth @ np.swapaxes(jacobian[..., i : i + bands], 1, 2) for i in each], axis=1)
 
 
-def _variance(films: Sequence[Reading], slopes: _Slopes) -> Float[np.ndarray, "films bands grounds"]:
+def _variance(films: Sequence[Reading], slopes: Slopes) -> Float[np.ndarray, "films bands grounds"]:
     """Of the readings by the instrument's noise and the grounds' own error."""
     through = slopes.by_ground * np.stack([film.ground_sd for film in films])
     return np.stack([film.sd for film in films]) ** 2 + through**2
 
 
-def _expanded(
+def expanded(
     problem: Problem,
     films: Sequence[Reading],
-    logs: Float[np.ndarray, "films 2 bands"],
-    delta: Float[np.ndarray, "films 2 bands"],
+    how: Optical,
+    logs: Float[np.ndarray, "films errors bands"],
+    delta: Float[np.ndarray, "films errors bands"],
     smooth: Float[np.ndarray, "bands bands"],
 ) -> Problem:
     """The problem with its readings linear in errors about `delta`, where the films have these log k d and log s d."""
-    slopes = _slopes_at(logs, np.asarray(problem.data.ground), problem.shared.response)
+    slopes = how.slopes(logs, np.asarray(problem.data.ground))
     root = 1.0 / np.sqrt(_variance(films, slopes).reshape(len(films), -1))
     jacobian = _jacobian(slopes)
     offset = -(jacobian @ delta.reshape(len(films), -1, 1)).reshape(slopes.body.shape)

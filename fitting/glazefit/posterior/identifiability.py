@@ -13,12 +13,19 @@ from jaxtyping import Bool, Float
 from glazejax.spectra import ranges
 
 from ..recover.result import ABSOLUTE_LIMIT, RELATIVE_LIMIT
+from .problem import Problem, Quantity
+from .summary import LEVELS
 
 OPEN = 0.25
 """A direction with this share of the prior's variance, half of its width, or more, is open."""
 
 TIED = 0.95
 """Unknowns correlated as much as this are known together better than each by itself."""
+
+ALIKE = 0.15
+"""A posterior is its prior if its median and both ends of 90 % are, within this share of the prior's width."""
+
+_PRIOR_DRAWS = 4000
 
 
 @dataclass(frozen=True)
@@ -116,6 +123,11 @@ def of_bands(
         wavelengths: nm.
     """
     shares, vectors, correlation = directions(free, prior)
+    return Identifiability(shares, vectors, correlation, tuple(_of_spectra(optical, wavelengths)))
+
+
+def _of_spectra(optical: Float[np.ndarray, "draws bands 2"], wavelengths: Float[np.ndarray, "bands"]) -> list[str]:
+    """What is open in k d and s d, band by band."""
     k, s, ratio = (_known(values) for values in (optical[..., 0], optical[..., 1], optical[..., 0] / optical[..., 1]))
     cases = (
         (only_ratio(optical[..., 0], optical[..., 1]), "only k/s is known, not k and s by themselves"),
@@ -123,8 +135,70 @@ def of_bands(
         (~ratio & k & ~s, "k is known, but s is not"),
         (~ratio & ~k & ~s, "neither k nor s nor k/s is known to half its value"),
     )
-    sentences = [f"{ranges(wavelengths, where)}: {what}" for where, what in cases if where.any()]
+    return [f"{ranges(wavelengths, where)}: {what}" for where, what in cases if where.any()]
+
+
+def of_coats(
+    problem: Problem, free: Float[np.ndarray, "draws blocks dims"], wavelengths: Float[np.ndarray, "bands"]
+) -> Identifiability:
+    """What is open in films of several coats: first each unknown by itself, then ties of thicknesses and fractions.
+
+    Args:
+        problem: of the films.
+        free: draws of the free unknowns.
+        wavelengths: nm.
+    """
+    shares, vectors, correlation = directions(free, problem.prior_covariance)
+    beforehand = problem.prior_draws(np.random.default_rng(0), _PRIOR_DRAWS)
+    sentences: list[str] = []
+    for b, film in enumerate(problem.blocks):
+        where = f"{film}: " if len(problem.blocks) > 1 else ""
+        ties = []
+        for quantity in problem.quantities:
+            if quantity.name not in problem.unknowns:
+                continue
+            words = _told(quantity, free[:, b], beforehand)
+            sentences += [where + words] if words else []
+            if words != _untold(quantity.name) and " of coat " in quantity.name:
+                ties.append(problem.unknowns.index(quantity.name))
+        sentences += [where + words for words in _tied(free[:, b], problem, ties)]
+        spectra = [
+            np.stack([q.values(free[:, b]) for q in problem.quantities if q.spectrum == what], axis=-1)
+            for what in ("absorption", "scattering")
+            if any(q.spectrum for q in problem.quantities)
+        ]
+        if spectra:
+            sentences += [f"{where}unknown paint, {words}" for words in _of_spectra(np.stack(spectra, -1), wavelengths)]
     return Identifiability(shares, vectors, correlation, tuple(sentences))
+
+
+def _untold(name: str) -> str:
+    return f"{name}: not told by these readings: its posterior is its prior"
+
+
+def _told(
+    quantity: Quantity, free: Float[np.ndarray, "draws dims"], beforehand: Float[np.ndarray, "others dims"]
+) -> str:
+    """A sentence if the readings tell little or nothing of a quantity; else empty."""
+    scale = np.log if quantity.logarithmic else np.asarray
+    after, before = (np.quantile(scale(quantity.values(draws)), LEVELS) for draws in (free, beforehand))
+    width = before[-1] - before[0]
+    if np.abs(after - before).max() <= ALIKE * width:
+        return _untold(quantity.name)
+    share = (after[-1] - after[0]) / width
+    if share >= np.sqrt(OPEN):
+        return f"{quantity.name}: hardly told: it keeps {min(share, 1.0):.0%} of the width it had beforehand"
+    return ""
+
+
+def _tied(free: Float[np.ndarray, "draws dims"], problem: Problem, some: Sequence[int]) -> list[str]:
+    """Open directions of several of these unknowns, and unknowns that move together."""
+    if not some:
+        return []
+    names = [problem.unknowns[i] for i in some]
+    prior = problem.prior_covariance[np.ix_(some, some)]
+    found = of_paints(free[:, None, some], prior, names, [""])
+    return [words for words in found.sentences if " little of " not in words or " one direction " in words]
 
 
 def only_ratio(

@@ -22,7 +22,7 @@ from scipy.special import logsumexp
 
 from glazejax.extras import require
 
-from ..film.least_squares import GramSchmidt
+from ..film.least_squares import GramSchmidt, NormalEquations
 from .problem import Problem
 
 TRUSTED_TAIL = 0.7
@@ -30,6 +30,9 @@ _MODES = 3
 _DRAWS_A_START = 48
 _STEPS = 60
 _SOLVER = optx.LevenbergMarquardt(rtol=1e-6, atol=1e-6, linear_solver=GramSchmidt())
+_MANY = optx.LevenbergMarquardt(rtol=1e-6, atol=1e-6, linear_solver=NormalEquations())
+# Unknowns up to which the first is taken: it is unrolled.
+_FEW = 7
 # A direction that the data leave open is taken at most this many prior standard deviations wide.
 _WIDEST = 1.0
 # Modes nearer than this many of their standard deviations are one.
@@ -101,12 +104,14 @@ class Laplace:
 def _climb(residuals: Any, data: Any, shared: Any, starts: Float[Array, "blocks starts dims"], batch: int) -> Any:
     """Where each start leads, (blocks, starts, dims), and whether it settled there, (blocks, starts)."""
 
+    solver = _SOLVER if starts.shape[-1] <= _FEW else _MANY
+
     def block(both: tuple[Any, Array]) -> tuple[Array, Array]:
         one, points = both
 
         def climb(start: Array) -> tuple[Array, Array]:
             found = optx.least_squares(
-                lambda free, _: residuals(free, one, shared), _SOLVER, start, max_steps=_STEPS, throw=False
+                lambda free, _: residuals(free, one, shared), solver, start, max_steps=_STEPS, throw=False
             )
             return found.value, found.result == optx.RESULTS.successful
 

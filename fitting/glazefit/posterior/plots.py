@@ -10,7 +10,7 @@ from jaxtyping import Float
 from glazejax.plots import ABSORPTION, OVER_BLACK, OVER_WHITE, SCATTERING, label_spectra, picture
 
 from .identifiability import only_ratio
-from .posterior import Posterior
+from .posterior import Posterior, unknowns_in_words
 from .summary import LEVELS, Numbers
 
 SAMPLED, LAPLACE = "#1f4e9c", "#c8641e"
@@ -24,13 +24,14 @@ _BANDS_DRAWN = 6
 
 def shown(name: str, values: np.ndarray) -> tuple[str, np.ndarray]:
     """A quantity's title and its values in the units of a picture."""
-    if name == "thickness":
-        return "thickness (µm)", values * 1e6
+    if name.startswith("thickness"):
+        return f"{name} (µm)", values * 1e6
     if name == "model error":
         return "model error (%)", values * 100.0
     if name.startswith("fraction "):
         return f"{name.removeprefix('fraction ')} (%)", values * 100.0
-    return {"absorption": "k d", "scattering": "s d", "ratio": "k/s"}.get(name, name), values
+    what, at, where = name.partition(" at ")
+    return {"absorption": "k d", "scattering": "s d", "ratio": "k/s"}.get(what, what) + at + where, values
 
 
 def plot_corner(posterior: Posterior, path: str | Path) -> None:
@@ -41,7 +42,7 @@ def plot_corner(posterior: Posterior, path: str | Path) -> None:
 
 def plot_bands(posterior: Posterior, path: str | Path) -> None:
     """Draw what the posterior says along the spectrum, with bands of 90 %, to a file."""
-    draw = _optical_bands if posterior.problem.kind == "bands" else _spectra_of_film
+    draw = _optical_bands if posterior.spectra() else _spectra_of_film
     draw(posterior, path)
 
 
@@ -59,10 +60,11 @@ def _subtitle(posterior: Posterior) -> str:
 def _corner_of_film(posterior: Posterior, path: str | Path) -> None:
     import corner
 
-    names = [q.name for q in posterior.problem.quantities]
+    names = [q.name for q in posterior.problem.quantities if not q.spectrum]
     # Two fractions are one and its complement; of more, each says something.
-    if posterior.problem.dims == len(names) - 1 and len([n for n in names if n.startswith("fraction ")]) == 2:
-        names = names[:1] + names[2:]
+    two = posterior.problem.dims == len(names) - 1 and len([n for n in names if n.startswith("fraction ")]) == 2
+    if two or posterior.problem.kind == "stack":
+        names = [n for n in names if not n.startswith("fraction ") or n in unknowns_in_words(posterior.problem)]
     pairs = [shown(n, _some(posterior.draws[n][..., 0])) for n in names]
     titles, draws = [p[0] for p in pairs], np.stack([p[1] for p in pairs], axis=1)
     approximate = np.stack([shown(n, posterior.laplace_draws[n][:, 0])[1] for n in names], axis=1)
@@ -184,7 +186,11 @@ def _mixture(posterior: Posterior) -> str:
         for name, draws in posterior.draws.items()
         if name.startswith("fraction ")
     ]
-    return ", ".join([*parts, f"{np.median(posterior.draws['thickness']) * 1e6:.3g} µm"])
+    for name, draws in posterior.draws.items():
+        if name.startswith("thickness"):
+            coat = name.removeprefix("thickness").removeprefix(" of ")
+            parts.append(f"{coat} {np.median(draws) * 1e6:.3g} µm".strip())
+    return ", ".join(parts)
 
 
 def _reading_sd(posterior: Posterior, free: Float[np.ndarray, "draws 1 dims"]) -> Float[np.ndarray, "bands grounds"]:
@@ -198,9 +204,9 @@ def _reading_sd(posterior: Posterior, free: Float[np.ndarray, "draws 1 dims"]) -
 def _optical_bands(posterior: Posterior, path: str | Path) -> None:
     """k d and s d, and their ratio, with bands of 90 % by emcee and by Laplace."""
     film, grid = posterior.films[0], posterior.films[0].wavelengths
-    count = grid.size
-    draws = {name: Numbers.of(v.reshape(-1, count)) for name, v in posterior.draws.items()}
-    rough = {name: Numbers.of(v) for name, v in posterior.laplace_draws.items()}
+    drawn = posterior.spectra()
+    draws = {name: Numbers.of(values) for name, values in drawn.items()}
+    rough = {name: Numbers.of(values) for name, values in posterior.spectra(laplace=True).items()}
     with picture(path, 11, 4.4) as figure:
         left, right = figure.subplots(1, 2)
         for panel, name, colour, label in (
@@ -219,7 +225,7 @@ def _optical_bands(posterior: Posterior, path: str | Path) -> None:
         label_spectra(left, "optical thickness", yscale="log", ylim=(low / 10, high * 2))
         low, high = draws["ratio"].median.min(), draws["ratio"].median.max()
         label_spectra(right, "k/s", yscale="log", ylim=(low / 3, high * 3))
-        shade = only_ratio(*(posterior.draws[n].reshape(-1, count) for n in ("absorption", "scattering")))
+        shade = only_ratio(drawn["absorption"], drawn["scattering"])
         _shade(left, grid, shade, "only k/s is known")
         left.legend()
         right.legend()

@@ -3,6 +3,7 @@
 `posterior_of_film` asks how much of which known paint a film holds, how thick it is and how far the paints' own k and
 s are off; `posterior_of_bands` asks for k d and s d at every wavelength of a measured film, with no paint assumed. Both
 give Laplace's standard errors at once and, with `steps`, a chain of emcee beside them.
+`glazefit.posterior.of_coats` asks the same of a film of several coats.
 
 ArviZ, emcee and h5py are loaded when a posterior is computed, not before.
 """
@@ -25,7 +26,7 @@ from ..film.reading import Reading, readings
 from .bands import pose_bands
 from .film import FilmPrior, pose_films
 from .film_errors import pose_errors
-from .identifiability import Identifiability, of_bands, of_paints
+from .identifiability import Identifiability, of_bands, of_coats, of_paints
 from .laplace import Laplace, Modes, find_modes, laplace
 from .problem import Problem
 from .summary import Row, compare, numbers
@@ -83,6 +84,17 @@ class Posterior:
         """The same from Laplace's approximation."""
         return self.problem.draws(self.laplace.sample)
 
+    def spectra(self, *, laplace: bool = False) -> Mapping[str, Float[np.ndarray, "draws bands"]]:
+        """Draws of k d, s d and k/s, of a film band by band or of a stack's unknown paint; empty for known paints."""
+        draws = self.laplace_draws if laplace else self.draws
+        if self.problem.kind == "bands":
+            return {name: values.reshape(-1, values.shape[-1]) for name, values in draws.items()}
+        found: dict[str, list[np.ndarray]] = {}
+        for quantity in self.problem.quantities:
+            if quantity.spectrum:
+                found.setdefault(quantity.spectrum, []).append(draws[quantity.name][..., 0].ravel())
+        return {name: np.stack(values, axis=-1) for name, values in found.items()}
+
     def summary(self) -> list[Row]:
         """A row for each quantity of each block: the chain's numbers, Laplace's, and where the two differ."""
         sampled, approximate = numbers(self.draws), numbers(self.laplace_draws)
@@ -126,6 +138,8 @@ class Posterior:
         if self.problem.kind == "bands":
             optical = np.stack([self.draws[name].reshape(free.shape[:2]) for name in ("absorption", "scattering")], -1)
             return of_bands(free, prior, optical, self.films[0].wavelengths)
+        if self.problem.kind == "stack":
+            return of_coats(self.problem, free, self.films[0].wavelengths)
         return of_paints(free, prior, unknowns_in_words(self.problem), self.problem.blocks)
 
     def words(self) -> str:
@@ -171,6 +185,8 @@ def _attributes(posterior: Posterior) -> dict[str, Any]:
 
 def unknowns_in_words(problem: Problem) -> tuple[str, ...]:
     """The free unknowns with the paints' names: a log-ratio is called by the paint whose share it moves."""
+    if problem.kind == "stack":
+        return problem.unknowns
     paints = [q.name for q in problem.quantities if q.name.startswith("fraction ")]
     return (*paints[:-1], *problem.unknowns[max(len(paints) - 1, 0) :])
 

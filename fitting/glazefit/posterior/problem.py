@@ -19,8 +19,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from glazejax.radiative.common.chunks import in_chunks
+
 # What one block computes for one walker takes some 12 kB a band; more columns at once fall out of cache.
 _COLUMNS = 12_000
+# Draws whose readings are computed at a time.
+_TOGETHER = 64
 
 
 @runtime_checkable
@@ -39,11 +43,15 @@ class Quantity(NamedTuple):
         name: such as "fraction ZincWhite".
         logarithmic: positive, and best looked at by its logarithm.
         values: of the free unknowns, (..., dims) -> (...); NumPy.
+        spectrum: "absorption", "scattering" or "ratio" if it is one band of that; else empty.
+        wavelength: of the band, nm.
     """
 
     name: str
     logarithmic: bool
     values: Callable[[np.ndarray], np.ndarray]
+    spectrum: str = ""
+    wavelength: float = float("nan")
 
 
 @dataclass(frozen=True)
@@ -51,7 +59,7 @@ class Problem:
     """Independent posteriors with the same unknowns.
 
     Attributes:
-        kind: "paints" (a block is a film) or "bands" (a block is a wavelength).
+        kind: "paints" (a block is a film), "stack" (a block is a film of coats) or "bands" (a block is a wavelength).
         blocks: their names.
         unknowns: names of the free unknowns of a block; each may be any real number.
         residuals: see `Residuals`; a module's function, since compiled programs are kept by it.
@@ -123,14 +131,12 @@ def log_probability(
         values = jax.vmap(lambda f, d: -0.5 * jnp.sum(residuals(f, d, shared)[:rows] ** 2))(free, data)
         return jnp.where(jnp.isnan(values), -jnp.inf, values)
 
-    if free.shape[0] <= chunk:
-        return jax.vmap(walker)(free)
-    return jax.lax.map(walker, free, batch_size=chunk)
+    return in_chunks(jax.vmap(walker), free, chunk)
 
 
 @functools.partial(jax.jit, static_argnames="fitted")
 def _readings(fitted: Residuals, data: Any, shared: Any, free: Float[Array, "draws blocks dims"]) -> Array:
-    return jax.lax.map(lambda one: jax.vmap(lambda f, d: fitted(f, d, shared))(one, data), free, batch_size=64)
+    return in_chunks(jax.vmap(lambda one: jax.vmap(lambda f, d: fitted(f, d, shared))(one, data)), free, _TOGETHER)
 
 
 def fingerprint(*parts: Any) -> str:

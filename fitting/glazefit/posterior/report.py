@@ -13,14 +13,19 @@ from glazejax.report import plain_table
 from .laplace import TRUSTED_TAIL
 from .plots import shown
 from .posterior import Posterior
-from .summary import AGREES, Row
+from .summary import AGREES, Numbers, Row
 
 
 def print_posterior(posterior: Posterior, console: Console) -> None:
     """Print the numbers, what is open, where Laplace fails, and whether the chain has converged."""
     rows = posterior.summary()
-    table = _bands(posterior, rows) if posterior.problem.kind == "bands" else _film(posterior, rows)
-    console.print(table)
+    if posterior.problem.kind == "bands":
+        console.print(_bands(posterior, rows))
+    else:
+        spectral = {q.name for q in posterior.problem.quantities if q.spectrum}
+        console.print(_film(posterior, [row for row in rows if row.quantity not in spectral]))
+        if spectral:
+            console.print(_spectra(posterior))
     for sentence in posterior.identifiability.sentences:
         console.print(f"[yellow]Open:[/yellow] {sentence}.")
     if not posterior.identifiability.sentences:
@@ -45,6 +50,17 @@ def _film(posterior: Posterior, rows: list[Row]) -> Table:
             ends = f"[{scale * row.laplace_lower:.3g}, {scale * row.laplace_upper:.3g}]"
             cells += [ends, f"{scale * row.laplace_sd:.2g}"]
         table.add_row(title, *cells, row.laplace)
+    return table
+
+
+def _spectra(posterior: Posterior) -> Table:
+    """k d and s d of a stack's unknown paint."""
+    title = f"{posterior.films[0].name}, unknown paint: median [5 %, 95 %]"
+    table = plain_table("band", "k d", "s d", "k/s", title=title)
+    found = {name: Numbers.of(draws) for name, draws in posterior.spectra().items()}
+    for b, wavelength in enumerate(posterior.films[0].wavelengths):
+        cells = [_interval(n.median[b], n.lower[b], n.upper[b]) for n in found.values()]
+        table.add_row(f"{wavelength:g}", *cells)
     return table
 
 
@@ -94,9 +110,11 @@ def _laplace(posterior: Posterior, rows: list[Row]) -> str:
     off = [row for row in rows if row.laplace != AGREES]
     if not off:
         return "Laplace's 90 % intervals agree with the chain's everywhere."
-    if not many:
+    if not many and not posterior.spectra():
         parts = [f"{shown(row.quantity, np.zeros(1))[0].split(' (')[0]} ({row.laplace})" for row in off]
         return "Laplace's 90 % intervals differ from the chain's for " + ", ".join(parts) + "."
+    if not many:
+        return f"Laplace's 90 % intervals differ from the chain's for {len(off)} of {len(rows)} quantities."
     blocks = len({row.block for row in off})
     return f"Laplace's 90 % intervals differ from the chain's in {blocks} of {len(posterior.problem.blocks)} bands."
 

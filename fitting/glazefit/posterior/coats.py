@@ -1,0 +1,162 @@
+"""What is known of each coat of a film before it is measured, in Python and in a painter's words.
+
+The words are those of `glazejax render`, with marks for what is not known:
+
+    Eosin:5um                       known paint, known thickness
+    Eosin:~5um                      of about that thickness
+    Eosin:?                         of any usual thickness
+    ZincWhite+CobaltBlue:20um       known paints, unknown fractions
+    ?:10um    or    ?:?             unknown paint: its k and s are sought
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from jaxtyping import Float
+
+from glazejax import Pigment
+from glazejax.paint.describe import find_name, parse_layers
+
+from .film import MOST_PAINTS
+
+MOST_COATS = 6
+UNKNOWN, ABOUT = "?", "~"
+_THICKEST = 0.01
+
+
+@dataclass(frozen=True, eq=False)
+class CoatPrior:
+    """What is known of one coat beforehand.
+
+    Attributes:
+        paints: what it is made of, one to five; none if that is not known, and its k d and s d are sought.
+        thickness: m; None if it is not known: then the film's prior (`glazefit.FilmPrior`) says what is usual.
+        spread: standard deviation of log thickness; 0 if the thickness is known exactly. Of no meaning without one.
+        fractions: of the paints, (paints,), sum 1; None if they are not known.
+
+    Raises:
+        ValueError: a value out of range, a paint that is listed twice, or fractions that do not fit the paints.
+    """
+
+    paints: Sequence[Pigment] = ()
+    thickness: float | None = None
+    spread: float = 0.0
+    fractions: Sequence[float] | None = None
+
+    def __post_init__(self) -> None:
+        names = [paint.name for paint in self.paints]
+        where = f"the coat of {' + '.join(names) or 'unknown paint'}"
+        if len(names) > MOST_PAINTS:
+            raise ValueError(f"{where} has {len(names)} paints; name {MOST_PAINTS} at most")
+        if len(set(names)) < len(names):
+            twice = next(name for name in names if names.count(name) > 1)
+            raise ValueError(f"{where}: the paint {twice!r} is listed twice")
+        if self.thickness is not None and not 0 <= self.thickness <= _THICKEST:
+            raise ValueError(f"{where} is {self.thickness:g} m thick; it must be in [0, {_THICKEST:g}], in metres")
+        if not (np.isfinite(self.spread) and self.spread >= 0):
+            raise ValueError(f"{where}: the spread {self.spread:g} of its thickness must be 0 or more, such as 0.3")
+        if self.spread > 0 and self.thickness is None:
+            raise ValueError(f"{where} has a spread of {self.spread:g} but no thickness to spread about; give one")
+        if self.spread > 0 and self.thickness == 0:
+            raise ValueError(f"{where} cannot be about 0 thick; say 0 exactly, or a small thickness such as 1e-7")
+        if not names and self.spread > 0:
+            raise ValueError(
+                f"{where}: only k and s times thickness are told of it; say its thickness exactly, or leave it out"
+            )
+        self._check_fractions(where, len(names))
+
+    def _check_fractions(self, where: str, count: int) -> None:
+        if self.fractions is None:
+            return
+        shares = np.asarray(self.fractions, dtype=float)
+        if shares.shape != (count,):
+            raise ValueError(f"{where} has {count} paints but {shares.size} fractions; give one a paint")
+        if not (np.all(shares >= 0) and abs(shares.sum() - 1.0) < 1e-6):
+            raise ValueError(f"{where}: its fractions are {shares.tolist()}; they must be 0 or more and sum to 1")
+
+    @property
+    def unknown(self) -> bool:
+        """Whether the paint is not known."""
+        return not self.paints
+
+    @property
+    def open_thickness(self) -> bool:
+        """Whether the thickness is among the unknowns."""
+        return not self.unknown and (self.thickness is None or self.spread > 0)
+
+    @property
+    def open_fractions(self) -> bool:
+        """Whether fractions are among the unknowns."""
+        return self.fractions is None and len(self.paints) > 1
+
+    @property
+    def shares(self) -> Float[np.ndarray, "paints"]:
+        """The fractions where they are known, and equal ones where not."""
+        count = len(self.paints)
+        return np.full(count, 1.0 / max(count, 1)) if self.fractions is None else np.asarray(self.fractions, float)
+
+    def on(self, wavelengths: Float[np.ndarray, "bands"]) -> "CoatPrior":
+        """The same with its paints on other wavelengths, nm."""
+        return replace(self, paints=tuple(paint.resample(wavelengths) for paint in self.paints))
+
+
+def check_coats(coats: Sequence[CoatPrior]) -> tuple[CoatPrior, ...]:
+    """The coats, top first, if they are a stack that readings may tell something of.
+
+    Raises:
+        ValueError: no coat, too many, or more unknown paints than one.
+    """
+    if not 1 <= len(coats) <= MOST_COATS:
+        raise ValueError(f"{len(coats)} coats were given; describe 1 to {MOST_COATS}, top first")
+    unknown = [n + 1 for n, coat in enumerate(coats) if coat.unknown]
+    if len(unknown) > 1:
+        where = " and ".join(map(str, unknown))
+        raise ValueError(f"the paints of coats {where} are unknown; k and s of one coat can be found, not of more")
+    return tuple(coats)
+
+
+def parse_coats(text: str, shelf: Mapping[str, Pigment], spread: float) -> tuple[CoatPrior, ...]:
+    """Read the description of a stack of which not all is known; see the head of this file.
+
+    Args:
+        text: coats separated by commas, top first.
+        shelf: paints by name.
+        spread: standard deviation of the logarithm of a thickness that is given with a ~.
+
+    Raises:
+        ValueError: text that does not read so, a paint that the shelf does not have, or no legal stack.
+    """
+    if not text.strip():
+        raise ValueError("the list of coats is empty: write them from top to bottom, such as Eosin:?,ZincWhite:20um")
+    return check_coats([_coat(entry.strip(), shelf, spread) for entry in text.split(",")])
+
+
+def _coat(entry: str, shelf: Mapping[str, Pigment], spread: float) -> CoatPrior:
+    paint, colon, size = (piece.strip() for piece in entry.rpartition(":"))
+    if not colon and entry == UNKNOWN:
+        paint, size = UNKNOWN, UNKNOWN
+    elif not (colon and paint and size):
+        raise ValueError(
+            f"coat {entry!r}: write PAINT:THICKNESS, such as Eosin:5um, Eosin:~5um if that is about right, or Eosin:? "
+            "if the thickness is not known"
+        )
+    about = size.startswith(ABOUT)
+    size = size.removeprefix(ABOUT).strip()
+    if about and (not size or size == UNKNOWN):
+        raise ValueError(f"coat {entry!r}: after {ABOUT} comes a thickness, such as {ABOUT}5um; {UNKNOWN} says none")
+    # Reads the weights of a mixture and all thicknesses, and says what is wrong with them.
+    mixed = "+" in paint and "*" not in paint
+    names = [part.strip() for part in paint.split("+")] if mixed else [paint]
+    if not all(names):
+        raise ValueError(f"coat {entry!r}: there is a + too many; write ZincWhite+CobaltBlue:20um")
+    written = f"{names[0] if mixed else paint}:{'1um' if size == UNKNOWN else size}"
+    (read,) = parse_layers(written)
+    thickness = None if size == UNKNOWN else read.total
+    given = {"thickness": thickness, "spread": spread if about else 0.0}
+    if paint == UNKNOWN:
+        return CoatPrior(**given)
+    if mixed:
+        return CoatPrior([shelf[find_name(name, shelf)] for name in names], **given)
+    paints = [shelf[find_name(name, shelf)] for _, name in read.parts]
+    return CoatPrior(paints, fractions=[weight for weight, _ in read.parts], **given)

@@ -1,0 +1,234 @@
+"""The posterior of a film of several coats: thickness and fractions of each, and k and s of one unknown paint.
+
+Every reading comes from the solver itself (`glazejax.stack_hemispherical_reflectance` or `stack_reflectance_factor`),
+and its slopes from the solver's own. The rest is as for one film (`glazefit.posterior.film`): a coat's k and s are its
+paints' sums, weighted by fraction, times its thickness; log k and log s of each coat of known paints are off by smooth
+random functions of wavelength, all of one unknown size, and these are integrated out about the likeliest.
+
+A coat of unknown paint has log k d and log s d instead, sums of the modes of `glazefit.posterior.spectra`.
+"""
+
+import functools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..film.films import Instrument
+from ..film.least_squares import root_of_log1p
+from ..film.optics import Optics
+from ..film.reading import Reading
+from .bands import reading_parts
+from .coats import CoatPrior
+from .film import FilmPrior, log_fractions
+from .layout import Layout, prior_covariance, prior_draws, quantities, unknowns
+from .problem import Problem, fingerprint, uniform_residual
+from .spectra import SpectraPrior
+
+TOLERANCE = 1e-4
+"""Error of the solver in a reading, well below any instrument's."""
+
+# A band of a stack costs some ten times that of a tabulated film.
+_COST = 10
+
+
+class StackData(NamedTuple):
+    """One film of coats."""
+
+    absorption: Float[Array, "*blocks bands paints"]  # k times the median thickness of the paint's coat
+    scattering: Float[Array, "*blocks bands paints"]
+    shares: Float[Array, "*blocks paints"]  # fractions; of no meaning where they are unknown
+    thickness_spread: Float[Array, "*blocks coats"]  # standard deviations of log thickness
+    reading: Float[Array, "*blocks bands grounds"]
+    ground: Float[Array, "*blocks bands grounds"]
+    shift: Float[Array, "*blocks errors bands"]  # likeliest errors of log k and log s of each coat in turn
+    offset: Float[Array, "*blocks bands grounds"]
+    whiten: Float[Array, "*blocks rows rows"]
+    spread: Float[Array, "*blocks rows"]  # roots of b
+
+
+class StackShared(NamedTuple):
+    """What all films have in common."""
+
+    surface: Float[Array, ""]
+    log_error: Float[Array, ""]
+    error_spread: Float[Array, ""]
+    means: Float[Array, "2"]  # of log k d and log s d of an unknown paint
+    modes: tuple[Float[Array, "bands modes"], Float[Array, "bands others"]]
+
+
+def optical(
+    layout: Layout, free: Float[Array, "dims"], data: StackData, shared: StackShared
+) -> Float[Array, "2 bands coats"]:
+    """Optical thicknesses k d and s d of all coats, top first, without errors of the paints."""
+    places = layout.places
+    coats = []
+    for n, members in enumerate(layout.paints):
+        if layout.sizes[n] == 0:
+            logs = [
+                m + modes @ free[at] for m, modes, at in zip(shared.means, shared.modes, places.spectra, strict=True)
+            ]
+            coats.append(jnp.exp(jnp.stack(logs)))
+            continue
+        amounts = data.shares[members]
+        if layout.fractions[n]:
+            amounts = jnp.exp(log_fractions(free[places.ratios[n]], layout.sizes[n]))
+        if (at := places.thickness[n]) is not None:
+            amounts = amounts * jnp.exp(free[at])
+        coats.append(jnp.stack([data.absorption[:, members] @ amounts, data.scattering[:, members] @ amounts]))
+    return jnp.stack(coats, axis=-1)
+
+
+def surface(layout: Layout, free: Float[Array, "dims"], shared: StackShared) -> Float[Array, ""]:
+    """What the surface adds to a reading."""
+    at = layout.places.gloss
+    return shared.surface if at is None else shared.surface * jax.nn.sigmoid(free[at])
+
+
+def body(
+    layout: Layout, thickness: Float[Array, "2 bands coats"], ground: Float[Array, "bands grounds"]
+) -> Float[Array, "bands grounds"]:
+    """What the coats read over the grounds, by the solver, without the surface's part."""
+    k, s = thickness[:, :, None, :]
+    return layout.optics.body(k, s, ground, TOLERANCE)
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """What the instrument would read if the known paints had no error."""
+
+    layout: Layout
+
+    def __call__(
+        self, free: Float[Array, "dims"], data: StackData, shared: StackShared
+    ) -> Float[Array, "bands grounds"]:
+        """Of one film."""
+        coats = optical(self.layout, free, data, shared)
+        return surface(self.layout, free, shared) + body(self.layout, coats, data.ground)
+
+
+@dataclass(frozen=True)
+class StackResiduals:
+    """Misfit, log-determinant and prior of one film; see `glazefit.posterior.film`."""
+
+    layout: Layout
+
+    def __call__(self, free: Float[Array, "dims"], data: StackData, shared: StackShared) -> Float[Array, "rows"]:
+        """Of one film."""
+        layout, places = self.layout, self.layout.places
+        off = jnp.moveaxis(data.shift.reshape(len(layout.sizes), 2, -1), 0, -1)
+        coats = optical(layout, free, data, shared) * jnp.exp(off)
+        mean = surface(layout, free, shared) + body(layout, coats, data.ground) + data.offset
+        root = jnp.exp(free[places.error]) * data.spread
+        misfit = data.whiten @ (data.reading - mean).reshape(-1) / jnp.sqrt(1.0 + root**2)
+        parts = [misfit, root_of_log1p(root)]
+        for n, some in enumerate(layout.fractions):
+            if some:
+                parts.append(
+                    jnp.sqrt(-2.0 * layout.concentration * log_fractions(free[places.ratios[n]], layout.sizes[n]))
+                )
+            if (at := places.thickness[n]) is not None:
+                parts.append(free[at : at + 1] / data.thickness_spread[n])
+        parts += [free[at] for at in places.spectra]
+        if places.gloss is not None:
+            parts.append(uniform_residual(free[places.gloss : places.gloss + 1]))
+        parts.append((free[places.error :] - shared.log_error) / shared.error_spread)
+        return jnp.concatenate(parts)
+
+
+def pose_stack(
+    films: Sequence[Reading],
+    coats: Sequence[Sequence[CoatPrior]],
+    instrument: Instrument,
+    prior: FilmPrior,
+    spectra: SpectraPrior,
+) -> Problem:
+    """Problem of one film of coats, or of several of the same layout, without the paints' error yet.
+
+    Args:
+        films: on the same wavelengths and over as many grounds each.
+        coats: of each film, top first (see `glazefit.posterior.coats.check_coats`); what is unknown is the same for
+            all, and what is expected of unknown thicknesses.
+        instrument: that read them.
+        prior: usual thickness, its spread, fractions' concentration and the paints' error.
+        spectra: of an unknown paint.
+
+    Raises:
+        ValueError: paints that do not cover the films' wavelengths, or unknown thicknesses that are expected to differ.
+    """
+    grid = films[0].wavelengths
+    stacks = [[coat.on(grid) for coat in stack] for stack in coats]
+    first = stacks[0]
+    some = any(coat.unknown for coat in first)
+    modes = spectra.modes(grid) if some else (np.zeros((grid.size, 0)), np.zeros((grid.size, 0)))
+    layout = Layout(
+        tuple(len(coat.paints) for coat in first),
+        tuple(coat.open_fractions for coat in first),
+        tuple(coat.open_thickness for coat in first),
+        (modes[0].shape[1], modes[1].shape[1]),
+        instrument.seen_surface > 0,
+        prior.concentration,
+        Optics.of(instrument.geometry, instrument.refractive_index),
+    )
+    median = np.array([[prior.thickness if c.thickness is None else c.thickness for c in stack] for stack in stacks])
+    spread = np.array([[c.spread or prior.thickness_spread for c in stack] for stack in stacks])
+    apart = layout.thickness & np.any((median != median[0]) | (spread != spread[0]), axis=0)
+    if apart.any():
+        raise ValueError(
+            f"coat {int(apart.argmax()) + 1} is expected to be of other thickness in one film than in another; films "
+            "that are sampled side by side must be expected alike"
+        )
+    count, (bands, grounds), rows = len(films), films[0].reflectance.shape, films[0].reflectance.size
+
+    def gather(what: str) -> Array:
+        each = [
+            [np.asarray(getattr(p, what)) * d for coat, d in zip(stack, thick, strict=True) for p in coat.paints]
+            for stack, thick in zip(stacks, median, strict=True)
+        ]
+        return jnp.asarray(np.moveaxis(np.asarray(each, float).reshape(count, -1, bands), 1, 2))
+
+    def stacked(what: str) -> Array:
+        return jnp.asarray(np.stack([getattr(film, what) for film in films]))
+
+    data = StackData(
+        gather("absorption"),
+        gather("scattering"),
+        jnp.asarray(np.stack([np.concatenate([np.empty(0), *(c.shares for c in stack)]) for stack in stacks])),
+        jnp.asarray(spread),
+        stacked("reflectance"),
+        stacked("ground"),
+        jnp.zeros((count, 2 * len(first), bands)),
+        jnp.zeros((count, bands, grounds)),
+        jnp.asarray(np.stack([np.eye(rows) / film.sd.ravel() for film in films])),
+        jnp.zeros((count, rows)),
+    )
+    shared = StackShared(
+        *(jnp.asarray(float(v)) for v in (instrument.seen_surface, np.log(prior.error), prior.error_spread)),
+        means=jnp.log(jnp.asarray([spectra.absorption, spectra.scattering])),
+        modes=(jnp.asarray(modes[0]), jnp.asarray(modes[1])),
+    )
+    paints = [
+        np.asarray(getattr(p, w)) for s in stacks for c in s for p in c.paints for w in ("absorption", "scattering")
+    ]
+    parts = [part for film in films for part in reading_parts(film)]
+    known = repr([[(c.thickness, c.spread, c.fractions) for c in stack] for stack in coats])
+    named = first if count == 1 else None
+    return Problem(
+        kind="stack",
+        blocks=tuple(film.name for film in films),
+        unknowns=unknowns(layout, named),
+        residuals=StackResiduals(layout),
+        fitted=Fitted(layout),
+        prior_rows=layout.prior_rows,
+        data=data,
+        shared=shared,
+        quantities=quantities(layout, named, median[0], grid, np.asarray(shared.means), modes),
+        prior_draws=functools.partial(prior_draws, layout=layout, spread=spread[0], prior=prior),
+        prior_covariance=prior_covariance(layout, spread[0], prior),
+        bands=grid.size * _COST,
+        fingerprint=fingerprint("stack", *parts, *paints, known, prior, spectra, instrument),
+    )
