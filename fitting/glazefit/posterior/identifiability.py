@@ -26,6 +26,8 @@ ALIKE = 0.15
 """A posterior is its prior if its median and both ends of 90 % are, within this share of the prior's width."""
 
 _PRIOR_DRAWS = 4000
+# A film so many times as thick that is as likely, to this log likelihood, by so many of the draws.
+_THICKER, _AS_LIKELY, _TRIED = 3.0, 0.5, 64
 
 
 @dataclass(frozen=True)
@@ -104,6 +106,27 @@ def _open(share: float, vector: np.ndarray, names: Sequence[str]) -> str:
     first = np.sign(vector[parts[0]])
     moves = ", ".join(f"{names[i]} {'up' if vector[i] * first > 0 else 'down'}" for i in parts)
     return f"the data say little of one direction ({moves}): it keeps {left}"
+
+
+def open_above(problem: Problem, free: Float[np.ndarray, "draws blocks dims"]) -> list[str]:
+    """Films of paints that hide their ground, in words: they are so thick at least, and may be thicker.
+
+    Beforehand a film is hardly so thick, so that the posterior may be narrow: its upper end is then what was expected.
+
+    Args:
+        problem: of films of known paints.
+        free: draws of the free unknowns.
+    """
+    some = free[:: max(1, len(free) // _TRIED)]
+    thicker = some.copy()
+    thicker[..., problem.unknowns.index("thickness")] += np.log(_THICKER)
+    lost = np.mean(problem.log_likelihood(some) - problem.log_likelihood(thicker), axis=0)
+    return [
+        f"{film + ': ' if len(problem.blocks) > 1 else ''}thickness is open above: a film {_THICKER:g} times as thick "
+        "would read the same, so that its upper end is what was expected, not what was measured"
+        for film, less in zip(problem.blocks, lost, strict=True)
+        if less < _AS_LIKELY
+    ]
 
 
 def of_bands(

@@ -9,7 +9,7 @@ ArviZ, emcee and h5py are loaded when a posterior is computed, not before.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib.metadata import version
 from pathlib import Path
@@ -26,7 +26,7 @@ from ..film.reading import Reading, readings
 from .bands import pose_bands
 from .film import FilmPrior, pose_films
 from .film_errors import pose_errors
-from .identifiability import Identifiability, of_bands, of_coats, of_paints
+from .identifiability import Identifiability, of_bands, of_coats, of_paints, open_above
 from .laplace import Laplace, Modes, find_modes, laplace
 from .problem import Problem
 from .summary import Row, compare, numbers
@@ -140,7 +140,8 @@ class Posterior:
             return of_bands(free, prior, optical, self.films[0].wavelengths)
         if self.problem.kind == "stack":
             return of_coats(self.problem, free, self.films[0].wavelengths)
-        return of_paints(free, prior, unknowns_in_words(self.problem), self.problem.blocks)
+        found = of_paints(free, prior, unknowns_in_words(self.problem), self.problem.blocks)
+        return replace(found, sentences=(*open_above(self.problem, free), *found.sentences))
 
     def words(self) -> str:
         """Convergence, in a sentence."""
