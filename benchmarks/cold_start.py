@@ -120,7 +120,8 @@ def timed(words: list[str], cache: Path, told: Path) -> Timing:
         raise SystemExit(f"{' '.join(words)} failed: {done.stderr.strip()[-500:]}")
     spent = {} if plain else json.loads(told.read_text())
     count, compiling = spent.get(_COMPILE, (0, 0.0))
-    return Timing(took, count, *(spent.get(event, (0, 0.0))[1] for event in (_TRACE, _LOWER)), compiling)
+    trace, lower = (spent.get(event, (0, 0.0))[1] for event in (_TRACE, _LOWER))
+    return Timing(took, count, trace, lower, compiling)
 
 
 def main() -> None:
