@@ -1,4 +1,3 @@
-import json
 import subprocess
 import sys
 import tomllib
@@ -15,6 +14,7 @@ from scipy.integrate import quad
 
 import glazejax
 from glazejax import Bidirectional, Glaze, Hemispherical, Layer, Mixture, Pigment, reflectance
+from tests.reference import isotropic_stacks
 
 GRID = np.array([400.0, 500.0, 600.0])
 RED = Pigment("red", GRID, [9e4, 6e4, 1e3], [1e4, 2e4, 9e4])
@@ -92,9 +92,8 @@ def test_pure_absorber_without_surface_is_beer_lambert():
 
 
 @pytest.mark.parametrize("count", [1, 2])
-def test_stacks_of_the_reference(shared_reference, count):
-    everything = json.loads((shared_reference / "isotropic_stacks.json").read_text())
-    cases = [case for case in everything if case["refractive_index"] == 1.5 and len(case["albedo"]) == count]
+def test_stacks_of_the_reference(count):
+    cases = [case for case in isotropic_stacks() if case["refractive_index"] == 1.5 and len(case["albedo"]) == count]
     assert len(cases) > 10
 
     def column(key):

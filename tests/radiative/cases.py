@@ -1,10 +1,10 @@
-"""Stacks for the solver's tests: the shared reference values, padded to one shape, and edge values."""
+"""Stacks for the solver's tests: the reference values, padded to one shape, and edge values."""
 
-import json
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+
+from tests.reference import isotropic_stacks
 
 LAYERS = 5
 EDGE_ALBEDO = (0.0, 1e-300, 0.3, 1 - 1e-15, 1.0)
@@ -26,11 +26,10 @@ class Cases(NamedTuple):
     uncertainty: np.ndarray
 
 
-def reference_cases(folder: Path) -> dict[float, Cases]:
-    """The shared values by refractive index."""
-    entries = json.loads((folder / "isotropic_stacks.json").read_text())
+def reference_cases() -> dict[float, Cases]:
+    """The reference values by refractive index."""
     by_index: dict[float, list[dict]] = {}
-    for entry in entries:
+    for entry in isotropic_stacks():
         by_index.setdefault(entry["refractive_index"], []).append(entry)
 
     def padded(values: list[float]) -> list[float]:

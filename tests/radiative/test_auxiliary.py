@@ -62,9 +62,9 @@ def test_the_printed_method_is_of_first_order(truth):
     assert np.all(found[-1, :4] > 20 * 0.1 * STEPS[-1] ** 2) or found[-1, :4].max() > 1e-3
 
 
-def test_references(shared_reference):
+def test_references():
     step = 0.2
-    for index, c in reference_cases(shared_reference).items():
+    for index, c in reference_cases().items():
         moderate = c.optical_thickness.sum(axis=1) < 12
         kept = [a[moderate] for a in (c.albedo, c.optical_thickness, c.ground, c.cos_incidence, c.cos_viewing)]
         found = reflectance_factor(

@@ -27,8 +27,8 @@ def auxiliary(q, d, ground, *, hemispherical=False, **given: Any):
 
 # Every index at one tolerance, every tolerance at one index: each pair is a program to compile.
 @pytest.mark.parametrize(("tolerance", "indices"), [(1e-3, (1.5,)), (1e-4, (1.0, 1.5))])
-def test_reference_values_within_the_tolerance(shared_reference, tolerance, indices):
-    cases = reference_cases(shared_reference)
+def test_reference_values_within_the_tolerance(tolerance, indices):
+    cases = reference_cases()
     for index in indices:
         c = cases[index]
         given = {"refractive_index": index, "cos_incidence": c.cos_incidence, "tolerance": tolerance}
@@ -43,8 +43,8 @@ def test_reference_values_within_the_tolerance(shared_reference, tolerance, indi
 
 @pytest.mark.slow
 @pytest.mark.parametrize("tolerance", [1e-3, 1e-4, 1e-6])
-def test_all_reference_values_within_the_tolerance(shared_reference, tolerance):
-    for index, c in reference_cases(shared_reference).items():
+def test_all_reference_values_within_the_tolerance(tolerance):
+    for index, c in reference_cases().items():
         given = {"refractive_index": index, "cos_incidence": c.cos_incidence, "tolerance": tolerance}
         stack = c.albedo, c.optical_thickness, c.ground
         factor = auxiliary(*stack, cos_viewing=c.cos_viewing, **given)

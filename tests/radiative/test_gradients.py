@@ -54,8 +54,8 @@ def close(found, expected, scale):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("index", "hemispherical"), [(1.33, False), (1.5, False), (1.7, True)])
-def test_reference_stacks(shared_reference, index, hemispherical):
-    c = reference_cases(shared_reference)[index]
+def test_reference_stacks(index, hemispherical):
+    c = reference_cases()[index]
     f = directional((c.cos_incidence, c.cos_viewing), hemispherical)
     n = np.full(len(c.ground), index)
     arguments = (c.albedo, c.optical_thickness, c.ground, n)

@@ -23,8 +23,8 @@ from .cases import CENTRAL, reference_cases
 
 
 @pytest.mark.parametrize("index", [*(pytest.param(n, marks=pytest.mark.slow) for n in (1.0, 1.33)), 1.5])
-def test_isotropic_is_the_reference(shared_reference, index):
-    c = reference_cases(shared_reference)[index]
+def test_isotropic_is_the_reference(index):
+    c = reference_cases()[index]
     given: dict[str, Any] = {
         "refractive_index": index,
         "cos_incidence": c.cos_incidence,

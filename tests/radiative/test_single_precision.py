@@ -37,8 +37,8 @@ def in_double(f, *arguments):
 
 @pytest.mark.parametrize("index", [1.33, pytest.param(1.0, marks=slow), pytest.param(1.7, marks=slow)])
 @pytest.mark.parametrize("method", ["ordinates", pytest.param("auxiliary", marks=slow)])
-def test_reference_values(shared_reference, index, method):
-    c = reference_cases(shared_reference)[index]
+def test_reference_values(index, method):
+    c = reference_cases()[index]
     stack = c.albedo, c.optical_thickness, c.ground
     given = {"refractive_index": index, "cos_incidence": c.cos_incidence, "method": method}
     factor = stack_reflectance_factor(*stack, cos_viewing=c.cos_viewing, **given)

@@ -172,9 +172,9 @@ np.savez(sys.argv[2], **out)
 @pytest.mark.parametrize(
     "index", [1.5, pytest.param(1.0, marks=pytest.mark.slow), pytest.param(1.7, marks=pytest.mark.slow)]
 )
-def test_single_precision(shared_reference, tmp_path, index):
+def test_single_precision(tmp_path, index):
     given, truth = {}, {}
-    for n, c in reference_cases(shared_reference).items():
+    for n, c in reference_cases().items():
         if n != index:
             continue
         given |= {f"q{n}": c.albedo, f"d{n}": c.optical_thickness, f"g{n}": c.ground}
