@@ -99,6 +99,7 @@ def test_chain_and_laplace_agree_where_laplace_is_trusted(sampled):
             np.testing.assert_allclose(ends, (low, high), atol=0.25 * (high - low))
 
 
+@pytest.mark.slow
 def test_arviz_has_every_coat(sampled):
     data = sampled.inference_data
     assert {"thickness_of_coat_1", "thickness_of_coat_2", "gloss", "fraction"} <= set(data.posterior)
@@ -150,6 +151,7 @@ def test_a_stack_of_one_coat_is_a_film(single):
     np.testing.assert_allclose(result.laplace.modes[0, 0], expected.laplace.modes[0, 0], atol=3e-3)
 
 
+@pytest.mark.slow
 def test_a_coat_of_hardly_any_thickness_changes_nothing_and_is_not_told(single):
     film, expected = single
     result = posterior_of_coats(film, [CoatPrior([RED], 1e-11, 0.5), COATS[1]], steps=0)
@@ -268,7 +270,9 @@ def test_slopes_of_residuals_are_those_of_their_differences():
 SMOOTH = paint("glaze", np.geomspace(2e4, 1e5, GRID.size), 3e4)
 
 
-@pytest.mark.parametrize("grounds", [(0.03, 0.93), (0.93,)], ids=["two grounds", "one ground"])
+@pytest.mark.parametrize(
+    "grounds", [(0.03, 0.93), pytest.param((0.93,), marks=pytest.mark.slow)], ids=["two grounds", "one ground"]
+)
 def test_an_unknown_paint_over_a_known_body(grounds):
     """k and s of the upper coat, with the solver's films; what one ground does not tell of s stays wide."""
     film = read([Layer(SMOOTH, 10e-6), Layer(WHITE, 15e-6)], grounds, gloss=0.9)

@@ -47,7 +47,8 @@ def test_clear_and_opaque_ends(table):
     # Beyond the table its ends hold: an opaque film's own k/s is then the end's, so only the first three are exact.
     np.testing.assert_allclose(values[:3], solved(kd, sd, ground)[:3], atol=5e-6)
     assert np.all(np.isfinite(values))
-    assert np.all((values >= 0) & (values < 1))
+    # A spline through noughts is nought but for rounding.
+    assert np.all((values > -1e-15) & (values < 1))
 
 
 def test_slopes_equal_finite_differences_of_the_solver(table):
