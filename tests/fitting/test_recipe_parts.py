@@ -8,8 +8,9 @@ from rich.console import Console
 from glazefit import find_recipes
 from glazefit.recipe import refine as refine_module
 from glazefit.recipe.choose import Scored, packed, roundings, select
+from glazefit.recipe.metric import colour_metric
 from glazefit.recipe.model import Optics, empty_slots, fill_slots, make_model, readings
-from glazefit.recipe.refine import colour_metric, refine
+from glazefit.recipe.refine import refine
 from glazefit.recipe.report import print_best, print_recipes
 from glazefit.recipe.screen import Stacks, TargetArrays, _sensible
 from glazefit.recipe.targets import colourchecker_targets, lab_target, spectral_target, srgb_target

@@ -20,6 +20,9 @@ IN_GAMUT = 1.0
 SHARE_STEP, THICKNESS_STEP = 0.001, 0.1
 """Shares of a coat are rounded to 0.1 %, thicknesses to 0.1 um."""
 
+# Round numbers of a recipe that the solver reads.
+_ROUNDED = 4
+
 # A paint that is less than this of its coat, or a coat that changes the colour less than this, is tried without.
 _LITTLE, _UNSEEN = 0.01, 0.1
 
@@ -34,6 +37,8 @@ class Scored:
         delta_e: (lights,), Delta E 2000.
         score: root of mean squared Delta E and of the penalty for another spectrum.
         settled: whether least squares came to an end for its amounts.
+        steps: of least squares by the solver.
+        before: largest Delta E 2000 before these steps.
     """
 
     sizes: Float[np.ndarray, "coats paints"]
@@ -41,6 +46,8 @@ class Scored:
     delta_e: Float[np.ndarray, "lights"]
     score: float
     settled: bool
+    steps: int = 0
+    before: float = np.nan
     paints: frozenset[int] = field(init=False)
     coats: int = field(init=False)
 
@@ -65,13 +72,19 @@ class Scored:
 
 def score(model: StackModel, optics: Optics, aims: TargetArrays, stacks: Stacks) -> list[Scored]:
     """Stacks as the solver sees them, with Delta E 2000 by colour-science."""
-    reading = readings(model, stacks.sizes, optics)
+    return _scored(model, aims, stacks, readings(model, stacks.sizes, optics))
+
+
+def _scored(
+    model: StackModel, aims: TargetArrays, stacks: Stacks, reading: Float[np.ndarray, "n bands"]
+) -> list[Scored]:
     reached = np.asarray(lab_of(model, jnp.asarray(reading)))
     delta_e = delta_e_2000(reached, np.asarray(aims.lab)[stacks.target])
     miss = reading - np.asarray(aims.spectrum)[stacks.target]
     spectral = np.asarray(aims.spectral)[stacks.target] * np.sum(miss**2, axis=-1)
     total = np.sqrt(np.mean(delta_e**2, axis=-1) + spectral)
-    rows = zip(stacks.sizes, reading, delta_e, total.tolist(), stacks.settled.tolist(), strict=True)
+    plain = (values.tolist() for values in (total, stacks.settled, stacks.steps, stacks.before))
+    rows = zip(stacks.sizes, reading, delta_e, *plain, strict=True)
     return [Scored(*row) for row in rows]
 
 
@@ -156,10 +169,22 @@ def _round_coats(coat: Float[np.ndarray, "paints"], total: float, span: tuple[fl
 def rounded(
     model: StackModel, optics: Optics, aims: TargetArrays, chosen: Sequence[tuple[int, Scored]], simplicity: float
 ) -> list[Scored]:
-    """Each recipe, given with its target, in the round numbers that come nearest."""
+    """Each recipe, given with its target, in the round numbers that come nearest.
+
+    The solver reads a few of them: those that come nearest when a rounding changes a reading as it does by the table.
+    """
     low, high = np.exp(np.asarray(model.span)).tolist()
     options = [roundings(one.sizes, (low, high)) for _, one in chosen]
-    targets = np.repeat([target for target, _ in chosen], [len(some) for some in options])
-    flat = packed(np.stack([sizes for some in options for sizes in some]))
-    results = iter(score(model, optics, aims, Stacks.unrefined(flat, targets, np.zeros(len(flat)))))
-    return [min((next(results) for _ in some), key=lambda one: one.effort(simplicity)) for some in options]
+    owner = np.repeat(np.arange(len(chosen)), [len(some) for some in options])
+    targets = np.array([target for target, _ in chosen])[owner]
+    flat = Stacks.unrefined(
+        packed(np.stack([sizes for some in options for sizes in some])), targets, np.zeros(len(targets))
+    )
+    own = np.stack([one.reading for _, one in chosen]) - readings(model, np.stack([o.sizes for _, o in chosen]), None)
+    guess = _scored(model, aims, flat, readings(model, flat.sizes, None) + own[owner])
+    nearest = [
+        sorted(np.flatnonzero(owner == number).tolist(), key=lambda row: guess[row].effort(simplicity))[:_ROUNDED]
+        for number in range(len(chosen))
+    ]
+    results = iter(score(model, optics, aims, flat.take(np.array([row for rows in nearest for row in rows], int))))
+    return [min((next(results) for _ in rows), key=lambda one: one.effort(simplicity)) for rows in nearest]

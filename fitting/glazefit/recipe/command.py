@@ -58,8 +58,25 @@ def recipe(
         str, typer.Option(metavar="NAME", help="One more light, under which the match is tested, not sought.")
     ] = "A",
     observer: options.Observer = "2",
-    max_paints: Annotated[int, typer.Option(help="Largest number of paints in a recipe, 1 to 6.")] = 3,
-    max_layers: Annotated[int, typer.Option(help="Largest number of coats, 1 to 4.")] = 2,
+    glazes: Annotated[
+        bool,
+        typer.Option(
+            "--glazes", help="Mix nothing: every coat is one paint as it is. The answer says what mixing would gain."
+        ),
+    ] = False,
+    max_paints: Annotated[
+        int | None,
+        typer.Option(
+            help="Largest number of paints in a recipe, 1 to 6. Default: 3, with --glazes 6.", show_default=False
+        ),
+    ] = None,
+    max_layers: Annotated[
+        int | None,
+        typer.Option(
+            help="Largest number of coats, 1 to 4, with --glazes to 6. Default: 2, with --glazes 6.",
+            show_default=False,
+        ),
+    ] = None,
     coat_thickness: Annotated[
         str | None,
         typer.Option(
@@ -108,6 +125,8 @@ def recipe(
 
     Example: glazejax recipe --srgb '#8a4b2d' --max-layers 1
 
+    Tubes as they are, in up to six coats: glazejax recipe --lab 50,20,30 --glazes
+
     For many colours at once: glazejax recipe --colourchecker
     """
     started = time.perf_counter()
@@ -140,6 +159,7 @@ def recipe(
         observer=observer,
         max_paints=max_paints,
         max_layers=max_layers,
+        glazes=glazes,
         thickness=bounds,
         count=count,
         metamerism=metamerism,
@@ -259,7 +279,8 @@ def _print(found: "list[list[Recipe]]", task: "Task", seconds: float, console: "
         reached = sum(recipes[0].in_gamut for recipes in found)
         console.print(f"{reached} of {len(found)} targets within a ΔE00 of 1")
     console.print(
-        f"[dim]{legend}. {len(task.pigments)} paints, up to {task.max_paints} in {task.max_layers} coats; "
+        f"[dim]{legend}. {len(task.pigments)} paints, up to {task.max_paints} in {task.max_layers} "
+        f"{'unmixed ' if task.glazes else ''}coats; "
         f"{_seen(task)}.[/dim]"
     )
     for words in dict.fromkeys(filter(None, map(catalogue.assumed_scale, task.pigments))):

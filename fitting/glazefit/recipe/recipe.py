@@ -1,9 +1,9 @@
 """Recipes: which paints, in which order and how thick, give a colour or a spectrum.
 
 All sets of up to three paints in one coat or two are looked at on a coarse grid (`glazefit.recipe.screen`), the best
-are refined by Levenberg-Marquardt, first by a table and then with the solver (`glazefit.recipe.refine`), more paints or
-coats are added where allowed, and what remains is simplified, rounded to what a painter can
-weigh and measure, and put in order (`glazefit.recipe.choose`).
+are refined by Levenberg-Marquardt on a table (`glazefit.recipe.refine`), more paints or coats are added where allowed,
+what remains is simplified, and its last steps follow the solver's own readings and slopes (`glazefit.recipe.polish`).
+Then it is rounded to what a painter can weigh and measure, and put in order (`glazefit.recipe.choose`).
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -20,7 +20,8 @@ from glazejax.paint.describe import Coat
 from ..film.variation import MIXED, Variation
 from .choose import IN_GAMUT, Scored, rounded, score, select, simplified
 from .model import StackModel, readings
-from .refine import grown, refine, refine_solved
+from .polish import polish
+from .refine import grown, refine
 from .screen import MOST_SCREENED, Stacks, TargetArrays, screen
 from .targets import Target
 from .task import DEFAULT_THICKNESS, Pigments, RecipeOptions, Task, Wanted, as_targets, make_task
@@ -29,9 +30,10 @@ GROUP = 8
 """Targets that are refined at a time."""
 
 # How many sets of paints a target keeps after the first look, by (layers, paints counted in each coat); after a first
-# refinement; how many stacks of several coats the solver refines; and how many are grown, and kept of their children.
+# refinement; how many the solver refines, of mixed stacks and of unmixed ones, which are of more kinds; and how many
+# are grown, and kept of their children.
 _KEEP = {(1, 1): 3, (1, 2): 12, (1, 3): 40, (2, 1): 8, (2, 2): 24, (2, 3): 40}
-_KEEP_REFINED, _KEEP_SOLVED = 8, 8
+_KEEP_REFINED, _KEEP_SOLVED, _KEEP_GLAZES = 8, 8, 4
 _PARENTS, _CHILDREN = 4, 24
 # Pairs of mixings that are compared.
 _MIXINGS = 200
@@ -60,6 +62,9 @@ class Recipe:
         gamut_distance: the least Delta E 2000 found for the target if that is 1 or more, else 0.
         limit: what keeps a target out of reach: "paints", or a coat at a bound of thickness; "" if in reach.
         converged: whether least squares came to an end; if not, other amounts of the same paints may come nearer.
+        steps: of least squares by the solver.
+        before: largest Delta E 2000 before these steps, at the amounts that the table led to.
+        mixed: the nearest recipe with paints mixed within its coats, beside one of unmixed coats; else None.
     """
 
     target: Target
@@ -78,6 +83,9 @@ class Recipe:
     gamut_distance: float = 0.0
     limit: str = ""
     converged: bool = True
+    steps: int = 0
+    before: float = np.nan
+    mixed: "Recipe | None" = None
 
     @property
     def in_gamut(self) -> bool:
@@ -127,8 +135,9 @@ def find_recipes(
     illuminants: Sequence[str] | None = None,
     test_illuminant: str = "A",
     observer: str | int = colour.CIE_1931,
-    max_paints: int = 3,
-    max_layers: int = 2,
+    max_paints: int | None = None,
+    max_layers: int | None = None,
+    glazes: bool = False,
     thickness: tuple[float, float] = DEFAULT_THICKNESS,
     count: int = 5,
     metamerism: float = 0.2,
@@ -147,8 +156,9 @@ def find_recipes(
         illuminants: to match the colour under; those a colour is given under, or D65, if left out.
         test_illuminant: under which metamerism is reported.
         observer: 2, 10, or a full name.
-        max_paints: different paints in a recipe, at most; 1 to 6.
-        max_layers: coats, at most; 1 to 4.
+        max_paints: different paints in a recipe, at most; 1 to 6. 3 if left out, of glazes 6.
+        max_layers: coats, at most; 1 to 4, of glazes 1 to 6. 2 if left out, of glazes 6.
+        glazes: nothing is mixed: each coat is one paint as it is. `Recipe.mixed` says what mixing would gain.
         thickness: of the thinnest and the thickest coat, m.
         count: how many recipes a target gets, at most. They differ in their paints or in the order of the coats.
         metamerism: Delta E that a root mean squared difference of 0.01 from the target's spectrum weighs.
@@ -165,8 +175,8 @@ def find_recipes(
     task = make_task(
         targets, pigments, ground=ground, geometry=geometry, refractive_index=refractive_index,
         illuminants=illuminants, test_illuminant=test_illuminant, observer=observer, max_paints=max_paints,
-        max_layers=max_layers, thickness=thickness, count=count, metamerism=metamerism, simplicity=simplicity,
-        seed=seed,
+        max_layers=max_layers, glazes=glazes, thickness=thickness, count=count, metamerism=metamerism,
+        simplicity=simplicity, seed=seed,
     )  # fmt: skip
     found = [recipes for group in recipe_chunks(task) for recipes in group]
     return found if batch else found[0]
@@ -174,12 +184,25 @@ def find_recipes(
 
 def recipe_chunks(task: Task) -> Iterator[list[list[Recipe]]]:
     """Recipes for a few targets at a time, so that progress can be shown and an interrupt loses little."""
+    if not task.glazes:
+        yield from _searched(task)
+        return
+    for pure, mixed in zip(_searched(task), _searched(task.mixed), strict=True):
+        nearest = [min(recipes, key=lambda one: one.distance) for recipes in mixed]
+        yield [[replace(one, mixed=best) for one in own] for own, best in zip(pure, nearest, strict=True)]
+
+
+def _searched(task: Task) -> Iterator[list[list[Recipe]]]:
+    """Recipes for a few targets at a time, of mixed coats or of unmixed ones."""
     model, aims = task.model(), task.target_arrays()
 
     def keep(coats: int, paints: int) -> int:
         return _KEEP[coats, paints]
 
-    rough = screen(model, aims, max_paints=task.max_paints, max_layers=task.max_layers, keep=keep, seed=task.seed)
+    rough = screen(
+        model, aims, max_paints=task.max_paints, max_layers=task.max_layers, keep=keep, seed=task.seed,
+        mixed=not task.glazes,
+    )  # fmt: skip
     for first in range(0, len(task.targets), GROUP):
         here = range(first, min(first + GROUP, len(task.targets)))
         stacks = _refined(task, model, aims, rough.take(np.flatnonzero(np.isin(rough.target, here))))
@@ -193,17 +216,20 @@ def _refined(task: Task, model: StackModel, aims: TargetArrays, rough: Stacks) -
         return refine(model, aims, stacks, task.slots)
 
     stacks = better(better(rough).best(lambda coats, paints: _KEEP_REFINED))
-    for _ in range(max(0, task.max_paints - MOST_SCREENED) + max(0, task.max_layers - 2)):
-        parents = stacks.best(lambda coats, paints: _PARENTS)
-        children = grown(model, aims, parents, max_paints=task.max_paints, max_layers=task.max_layers)
+    more = 0 if task.glazes else max(0, task.max_paints - MOST_SCREENED)
+    for number in range(more + max(0, task.max_layers - 2)):
+        # Of unmixed stacks those of one coat less are all that a coat can be added to anew.
+        last = stacks.take(np.flatnonzero(stacks.coats == number + 2)) if task.glazes else stacks
+        parents = last.best(lambda coats, paints: _PARENTS)
+        children = grown(
+            model, aims, parents, max_paints=task.max_paints, max_layers=task.max_layers, mixed=not task.glazes
+        )
         children = better(children.best(lambda coats, paints: _CHILDREN))
         stacks = Stacks.join([stacks, better(children.best(lambda coats, paints: _KEEP_REFINED))])
     pool = Stacks.join([stacks, better(simplified(model, stacks))])
-    # The table is exact for one coat, but from far away a colour's own metric leads a little astray.
-    settled = (pool.coats == 1) & (pool.cost < IN_GAMUT**2)
-    rest = pool.take(np.flatnonzero(~settled)).best(lambda coats, paints: _KEEP_SOLVED)
-    rest = refine_solved(model, task.optics, aims, rest, task.slots)
-    return Stacks.join([pool.take(np.flatnonzero(settled)), rest])
+    # What the table puts first, at the best amounts by the solver itself.
+    kept = _KEEP_GLAZES if task.glazes else _KEEP_SOLVED
+    return polish(model, task.optics, aims, pool.best(lambda coats, paints: kept), task.slots)
 
 
 def _finish(task: Task, model: StackModel, aims: TargetArrays, stacks: Stacks, targets: range) -> list[list[Recipe]]:
@@ -277,6 +303,8 @@ def _recipe(
         sensitivity=sensitivity,
         between_mixings=between_mixings,
         converged=exact.settled,
+        steps=exact.steps,
+        before=exact.before,
     )
 
 

@@ -17,6 +17,7 @@ from glazejax.plots import hex_colour
 from glazejax.report import plain_table, swatch
 from glazejax.spectra import resample
 
+from .choose import IN_GAMUT
 from .recipe import Recipe
 from .targets import Target
 
@@ -35,6 +36,9 @@ CSV_COLUMNS = (
 )
 
 MIXING = "Expect ΔE00 {:.1f} from one mixing to the next (column mixing); per 10 %: of a coat's thickness."
+
+# A gain of less is not worth mixing.
+_SEEN = 0.05
 
 NO_BREAK = "\u00a0"
 
@@ -91,6 +95,8 @@ def print_recipes(recipes: Sequence[Recipe], console: Console) -> None:
     console.print(table)
     console.print(Text(MIXING.format(first.between_mixings), style="dim"))
     console.print(Text(f"See the first: glazejax render --layers '{first.layers}'", style="dim"), soft_wrap=True)
+    if first.mixed is not None:
+        console.print(Text(if_mixed(recipes)))
     if not first.in_gamut:
         console.print(Text(out_of_reach(first), style="yellow"))
     if rough := [str(rank) for rank, recipe in enumerate(recipes, 1) if not recipe.converged]:
@@ -99,11 +105,16 @@ def print_recipes(recipes: Sequence[Recipe], console: Console) -> None:
 
 def print_best(found: Sequence[Sequence[Recipe]], console: Console) -> None:
     """Print the best recipe of each of many targets, coat by coat."""
-    table = _table(["target", "", *_titles(found[0][0])])
+    pure = all(recipes[0].mixed is not None for recipes in found)
+    table = _table(["target", "", *_titles(found[0][0]), *(["if mixed"] if pure else [])])
     for best, *_ in found:
         swatches = swatch(target_hex(best)) + swatch(recipe_hex(best))
-        _add_coats(table, [best.target.name, swatches, *_figures(best)], best)
+        *colours, mixing = _figures(best)
+        mixed = [] if best.mixed is None else [f"{best.mixed.distance:.2f}"]
+        _add_coats(table, [best.target.name, swatches, *colours, *mixed, mixing], best)
     console.print(table)
+    if pure:
+        console.print(Text(all_if_mixed(found)))
     console.print(Text(MIXING.format(np.mean([best.between_mixings for best, *_ in found])), style="dim"))
     for best, *_ in found:
         if not best.in_gamut:
@@ -148,6 +159,26 @@ def out_of_reach(recipe: Recipe) -> str:
     """A sentence on a target that no recipe reaches."""
     why = "these paints reach no further" if recipe.limit == "paints" else f"{recipe.limit}: try other bounds"
     return f"{recipe.target.name}: out of reach by a Delta E of {recipe.gamut_distance:.1f}; {why}."
+
+
+def if_mixed(recipes: Sequence[Recipe]) -> str:
+    """A sentence on what mixing would gain for one target, by the nearest of its recipes."""
+    here, mixed = min(recipe.distance for recipe in recipes), recipes[0].mixed
+    assert mixed is not None
+    if mixed.distance > here - _SEEN:
+        return f"Mixing within a coat gains nothing: ΔE00 {mixed.distance:.2f} instead of {here:.2f}."
+    return f"Mixed within a coat: ΔE00 {mixed.distance:.2f} instead of {here:.2f}, by {mixed.layers}"
+
+
+def all_if_mixed(found: Sequence[Sequence[Recipe]]) -> str:
+    """A sentence on what mixing would gain for many targets."""
+    here = [min(recipe.distance for recipe in recipes) for recipes in found]
+    mixed = [recipes[0].mixed.distance for recipes in found if recipes[0].mixed is not None]
+    reached = [sum(distance < IN_GAMUT for distance in some) for some in (mixed, here)]
+    return (
+        f"Mixed within a coat: ΔE00 {np.median(mixed):.2f} instead of {np.median(here):.2f} in the median, and "
+        f"{reached[0]} instead of {reached[1]} of {len(found)} targets within a ΔE00 of 1."
+    )
 
 
 def unsettled(what: str, which: Sequence[str]) -> str:
@@ -206,6 +237,11 @@ def _plain(recipe: Recipe) -> dict:
         "gamut_distance": recipe.gamut_distance,
         "limit": recipe.limit,
         "converged": recipe.converged,
+        "solver_steps": recipe.steps,
+        "delta_e_2000_before_solver": None if np.isnan(recipe.before) else recipe.before,
+        "mixed": None
+        if recipe.mixed is None
+        else {"layers": recipe.mixed.layers, "delta_e_2000": dict(recipe.mixed.delta_e)},
         "wavelengths_nm": recipe.wavelengths.tolist(),
         "reflectance": [round(float(value), 7) for value in recipe.reflectance],
     }

@@ -44,11 +44,14 @@ class Stacks(NamedTuple):
     target: Int[np.ndarray, "n"]
     cost: Float[np.ndarray, "n"]  # squared distance
     settled: Bool[np.ndarray, "n"]  # whether the last least squares came to an end; False before the first
+    steps: Int[np.ndarray, "n"]  # of the solver's own least squares
+    before: Float[np.ndarray, "n"]  # largest Delta E 2000 by the solver before these steps; NaN without them
 
     @classmethod
     def unrefined(cls, sizes: np.ndarray, target: np.ndarray, cost: np.ndarray) -> "Stacks":
         """Stacks that no least squares has seen."""
-        return cls(sizes, target, cost, np.zeros(len(target), bool))
+        none = len(target)
+        return cls(sizes, target, cost, np.zeros(none, bool), np.zeros(none, int), np.full(none, np.nan))
 
     @property
     def size(self) -> int:
@@ -114,7 +117,16 @@ class _Optical(NamedTuple):
     scattering: Float[Array, "sets points bands"]
 
 
-def screen(model: StackModel, aims: TargetArrays, *, max_paints: int, max_layers: int, keep: Keep, seed: int) -> Stacks:
+def screen(
+    model: StackModel,
+    aims: TargetArrays,
+    *,
+    max_paints: int,
+    max_layers: int,
+    keep: Keep,
+    seed: int,
+    mixed: bool = True,
+) -> Stacks:
     """The best sets of paints for each target, each at its best point of the grid.
 
     Args:
@@ -122,8 +134,9 @@ def screen(model: StackModel, aims: TargetArrays, *, max_paints: int, max_layers
         max_paints, max_layers: limits; what goes beyond three paints or two layers is not looked at here.
         keep: how many sets a target keeps, from numbers of layers and of paints.
         seed: of the grid of three paints' proportions.
+        mixed: whether a coat may hold more than one paint.
     """
-    count = min(max_paints, MOST_SCREENED, model.absorption.shape[0])
+    count = min(max_paints, MOST_SCREENED, model.absorption.shape[0]) if mixed else 1
     coats = {n: _coats(model, n, seed) for n in range(1, count + 1)}
     found = []
     for some in coats.values():

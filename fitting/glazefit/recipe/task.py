@@ -1,7 +1,7 @@
 """What is asked of a search for recipes, checked before anything is computed."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, TypedDict
 
 import jax.numpy as jnp
@@ -15,15 +15,17 @@ from glazejax.radiative.stack import INDEX_RANGE
 from glazejax.spectra import describe_grid, resample, same_grid
 
 from ..film.optics import Optics
+from .metric import colour_metric
 from .model import StackModel, make_model
-from .refine import colour_metric
 from .screen import TargetArrays
 from .targets import Colour, Target, lab_target
 
 DEFAULT_THICKNESS = (1e-6, 50e-6)
 """Thinnest and thickest coat in m, if nothing else is said; on the catalogue's scale of thickness."""
 
-_MOST_PAINTS, _MOST_LAYERS = 6, 4
+# At most, and if nothing is said. Coats of a single paint each are quickly gone through.
+_MOST_PAINTS, _MOST_LAYERS, _MOST_GLAZES = 6, 4, 6
+_PAINTS, _LAYERS = 3, 2
 
 
 Wanted = Target | Mapping[str, Colour] | Colour
@@ -41,8 +43,9 @@ class RecipeOptions(TypedDict, total=False):
     illuminants: Sequence[str] | None
     test_illuminant: str
     observer: str | int
-    max_paints: int
-    max_layers: int
+    max_paints: int | None
+    max_layers: int | None
+    glazes: bool
     thickness: tuple[float, float]
     count: int
     metamerism: float
@@ -64,6 +67,7 @@ class Task:
     observer: str
     max_paints: int
     max_layers: int
+    glazes: bool
     thickness: tuple[float, float]
     count: int
     metamerism: float
@@ -73,7 +77,13 @@ class Task:
     @property
     def slots(self) -> int:
         """Paints counted in each coat, at most: one more a coat, since a paint may lie in several."""
-        return self.max_paints + self.max_layers - 1
+        return self.max_layers if self.glazes else self.max_paints + self.max_layers - 1
+
+    @property
+    def mixed(self) -> "Task":
+        """The same search with paints mixed within coats, as far as it is wide without being asked for more."""
+        paints, layers = min(self.max_paints, _PAINTS), min(self.max_layers, _LAYERS)
+        return replace(self, glazes=False, max_paints=paints, max_layers=layers)
 
     @property
     def wavelengths(self) -> Float[np.ndarray, "bands"]:
@@ -121,8 +131,9 @@ def make_task(
     illuminants: Sequence[str] | None,
     test_illuminant: str,
     observer: str | int,
-    max_paints: int,
-    max_layers: int,
+    max_paints: int | None,
+    max_layers: int | None,
+    glazes: bool,
     thickness: tuple[float, float],
     count: int,
     metamerism: float,
@@ -132,7 +143,10 @@ def make_task(
     """Check all that was asked for; see `glazefit.find_recipes` for the arguments and errors."""
     if not targets:
         raise ValueError("there is no target: give a colour, such as (50, 20, 30), or a spectrum")
-    whole = {"max_paints": (max_paints, _MOST_PAINTS), "max_layers": (max_layers, _MOST_LAYERS), "count": (count, 1000)}
+    most = _MOST_GLAZES if glazes else _MOST_LAYERS
+    max_layers = max_layers if max_layers is not None else _MOST_GLAZES if glazes else _LAYERS
+    max_paints = max_paints if max_paints is not None else _MOST_PAINTS if glazes else _PAINTS
+    whole = {"max_paints": (max_paints, _MOST_PAINTS), "max_layers": (max_layers, most), "count": (count, 1000)}
     for name, (value, most) in whole.items():
         if not isinstance(value, int | np.integer) or not 1 <= value <= most:
             raise ValueError(f"{name} is {value}; it must be a whole number from 1 to {most}")
@@ -156,7 +170,7 @@ def make_task(
     return Task(
         tuple(targets), paints, base, geometry or Bidirectional(45, 0), float(refractive_index), names,
         colour.find_illuminant(test_illuminant), full_observer, min(int(max_paints), len(paints)), int(max_layers),
-        (low, high), int(count), float(metamerism), float(simplicity), int(seed),
+        bool(glazes), (low, high), int(count), float(metamerism), float(simplicity), int(seed),
     )  # fmt: skip
 
 

@@ -1,0 +1,235 @@
+"""The last steps of a recipe: Levenberg-Marquardt along the solver's own readings and slopes, many stacks side by side.
+
+Nothing is interpolated here. Readings come from the public solver at `recipe.model.TOLERANCE`, slopes from its
+derivatives by jax, and the cost is the one that recipes are chosen by: mean squared Delta E 2000 under the lights, and
+the penalty for another spectrum. A coat's thickness keeps to its bounds by projection, so that a coat as thick as
+allowed is at rest there. A stack is settled when a full step promises less than `PROMISE`: a paint that fades away
+changes nothing any more and keeps no solve from its end.
+"""
+
+import functools
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from glazejax.colour import delta_e_2000
+
+from ..film.optics import Optics
+from .metric import colour_metric
+from .model import READ_CHUNK, Slots, StackModel, empty_slots, fill_slots, lab_of, true_reading
+from .screen import Stacks, TargetArrays
+
+PROMISE = 1e-3
+"""Settled: a full step would bring a stack nearer by less than this Delta E."""
+
+_STEPS = 40
+# Longest step, and least share, in logarithms; step of a difference quotient in L*a*b*.
+_LONGEST, _FADED, _LAB_STEP = 1.0, -9.0, 0.01
+# Damping, in parts of the largest curvature: of the first step, and of a step that counts as full.
+_DAMPED, _FULL = 1e-3, 1e-9
+
+
+class _Place(NamedTuple):
+    """Stacks as variables: which paint lies where, and targets."""
+
+    slots: Slots  # (n, slots), numpy
+    member: Float[np.ndarray, "n coats slots"]  # 1 where a slot lies in a coat
+    lab: Float[np.ndarray, "n lights 3"]
+    spectrum: Float[np.ndarray, "n bands"]
+    spectral: Float[np.ndarray, "n"]
+
+    def take(self, rows: np.ndarray) -> "_Place":
+        return _Place(Slots(*(values[rows] for values in self.slots)), *(values[rows] for values in self[1:]))
+
+
+class _Look(NamedTuple):
+    """The cost at a point, with half its gradient and Gauss and Newton's half of its curvature."""
+
+    cost: Float[np.ndarray, "n"]
+    delta_e: Float[np.ndarray, "n"]  # largest under the lights
+    slope: Float[np.ndarray, "n m"]
+    curvature: Float[np.ndarray, "n m m"]
+
+
+def polish(model: StackModel, optics: Optics, aims: TargetArrays, stacks: Stacks, slots: int) -> Stacks:
+    """Stacks at the best amounts of their paints, as the solver itself sees them.
+
+    Args:
+        model, aims: paints and targets.
+        optics: the instrument.
+        stacks: where to start.
+        slots: at least as many as a stack has paints, counted in each coat.
+
+    Returns:
+        The stacks, none farther from its target than before, with `cost`, `steps`, `settled` and `before`.
+    """
+    if stacks.size == 0:
+        return stacks
+    place, point = _start(model, aims, stacks, slots)
+    look = _look(model, optics, place, point)
+    before = look.delta_e.copy()
+    damping = _DAMPED * np.maximum(look.curvature.max(axis=(1, 2)), 1e-9)
+    steps, settled = np.zeros(stacks.size, int), np.zeros(stacks.size, bool)
+    going, coats = np.flatnonzero(np.isfinite(look.cost)), stacks.sizes.shape[1]
+    for _ in range(_STEPS):
+        here = _rows(look, going)
+        full = _FULL * np.maximum(here.curvature.max(axis=(1, 2)), 1e-9)
+        promised = _step(model, point[going], here, coats, full)[1]
+        settled[going] = promised < PROMISE
+        going = going[promised >= PROMISE]
+        if going.size == 0:
+            break
+        moved, _ = _step(model, point[going], _rows(look, going), coats, damping[going])
+        moved[:, coats:] = _shares(place.take(going), moved[:, coats:])
+        new = _look(model, optics, place.take(going), moved)
+        # A cost that is no number is no better.
+        better = new.cost < look.cost[going]
+        damping[going] *= np.where(better, 0.2, 5.0)
+        rows = going[better]
+        point[rows] = moved[better]
+        steps[rows] += 1
+        for old, found in zip(look, new, strict=True):
+            old[rows] = found[better]
+    sizes = empty_slots(place.slots, place.member * _amounts(place, point)[0][:, None], stacks.sizes.shape[2])
+    good = np.isfinite(look.cost)
+    return Stacks(
+        np.where(good[:, None, None], sizes, stacks.sizes),
+        stacks.target,
+        np.where(good, look.cost, stacks.cost),
+        settled,
+        steps,
+        before,
+    )
+
+
+def _rows(look: _Look, rows: np.ndarray) -> _Look:
+    return _Look(*(values[rows] for values in look))
+
+
+def _start(model: StackModel, aims: TargetArrays, stacks: Stacks, count: int) -> tuple[_Place, np.ndarray]:
+    """Variables of stacks: logarithms of the coats' thicknesses, then those of the slots' shares."""
+    places, _ = fill_slots(model, stacks.sizes, count)
+    slots = Slots(*(np.asarray(values) for values in places))
+    member = (slots.used[:, None] & (slots.coat[:, None] == np.arange(stacks.sizes.shape[1])[:, None])).astype(float)
+    amount = stacks.sizes[np.arange(stacks.size)[:, None], slots.coat, slots.paint]
+    total = stacks.sizes.sum(axis=2)
+    own = np.take_along_axis(total, slots.coat, axis=1)
+    shares = np.where(slots.used, np.log(np.where(slots.used, amount / np.where(own > 0, own, 1.0), 1.0)), 0.0)
+    logs = np.where(total > 0, np.clip(np.log(np.where(total > 0, total, 1.0)), *np.asarray(model.span)), 0.0)
+    at = stacks.target
+    aim = (np.asarray(values)[at] for values in (aims.lab, aims.spectrum, aims.spectral))
+    return _Place(slots, member, *aim), np.concatenate([logs, np.maximum(shares, _FADED)], axis=1)
+
+
+def _amounts(place: _Place, point: Float[np.ndarray, "n m"]) -> tuple[np.ndarray, np.ndarray]:
+    """What each slot takes, um, and its share of its coat, (n, slots)."""
+    coats = place.member.shape[1]
+    share = np.where(place.slots.used, np.exp(_shares(place, point[:, coats:])), 0.0)
+    return share * np.exp(np.take_along_axis(point[:, :coats], place.slots.coat, axis=1)), share
+
+
+def _shares(place: _Place, free: Float[np.ndarray, "n slots"]) -> Float[np.ndarray, "n slots"]:
+    """Logarithms of shares that add up to one in each coat."""
+    whole = np.einsum("ncs,ns->nc", place.member, np.exp(free))
+    own = np.where(place.slots.used, np.take_along_axis(whole, place.slots.coat, axis=1), 1.0)
+    return np.where(place.slots.used, free - np.log(own), 0.0)
+
+
+def _step(
+    model: StackModel, point: Float[np.ndarray, "n m"], look: _Look, coats: int, damping: Float[np.ndarray, "n"]
+) -> tuple[Float[np.ndarray, "n m"], Float[np.ndarray, "n"]]:
+    """Where a damped step within the bounds of thickness leads, and the Delta E by which it should come nearer."""
+    low, high = np.full((2, *point.shape), _FADED)
+    low[:, :coats], high[:, :coats] = np.asarray(model.span)[:, None, None]
+    high[:, coats:] = 0.0
+    # What is not there has no slope, and stays; so does what is at a bound and drawn beyond it.
+    held = (look.slope == 0) | ((point <= low) & (look.slope > 0)) | ((point >= high) & (look.slope < 0))
+    least, most = np.clip(low - point, -_LONGEST, 0.0), np.clip(high - point, 0.0, _LONGEST)
+    step = np.zeros(point.shape)
+    for _ in range(point.shape[1]):
+        # The rest follows what stops at a bound, or it would end where neither is best.
+        slope = np.where(held, 0.0, look.slope + (look.curvature @ np.where(held, step, 0.0)[..., None])[..., 0])
+        matrix = np.where(held[:, :, None] | held[:, None, :], 0.0, look.curvature)
+        matrix = matrix + damping[:, None, None] * np.eye(point.shape[1])
+        step = np.where(held, step, -np.linalg.solve(matrix, slope[..., None])[..., 0])
+        beyond = ~held & ((step < least) | (step > most))
+        step = np.clip(step, least, most)
+        held |= beyond
+        if not beyond.any():
+            break
+    gain = -2.0 * np.sum(look.slope * step, axis=1) - np.einsum("ni,nij,nj->n", step, look.curvature, step)
+    left = np.maximum(look.cost - np.maximum(gain, 0.0), 0.0)
+    return point + step, np.sqrt(look.cost) - np.sqrt(left)
+
+
+def _look(model: StackModel, optics: Optics, place: _Place, point: Float[np.ndarray, "n m"]) -> _Look:
+    """Cost and slopes by the solver."""
+    amount, share = _amounts(place, point)
+    done = []
+    for first in range(0, len(point), READ_CHUNK):
+        # Always as many, so that one program serves all.
+        rows = np.arange(first, first + READ_CHUNK).clip(max=len(point) - 1)
+        slots = Slots(*(jnp.asarray(values[rows]) for values in place.slots))
+        solved = solve(model, slots, jnp.asarray(amount[rows]), optics, coats=place.member.shape[1])
+        done.append([np.asarray(values)[: len(point) - first] for values in solved])
+    reading, by_amount, lab, lab_by_reading = (np.concatenate(values) for values in zip(*done, strict=True))
+    colours, moves = colour_misfit(lab, place.lab)
+    lights = lab.shape[1]
+    miss = reading - place.spectrum
+    weight = np.sqrt(place.spectral)[:, None]
+    residual = np.concatenate([colours.reshape(len(point), -1) / np.sqrt(lights), weight * miss], axis=1)
+    by_log = by_amount * amount[:, :, None]  # (n, slots, bands)
+    by_coat = place.member @ by_log
+    own = np.take_along_axis(by_coat, place.slots.coat[:, :, None], axis=1) * place.slots.used[:, :, None]
+    by_point = np.concatenate([by_coat, by_log - share[:, :, None] * own], axis=1)  # (n, m, bands)
+    in_colour = (moves @ lab_by_reading).reshape(len(point), 3 * lights, -1) @ np.swapaxes(by_point, 1, 2)
+    slopes = np.concatenate(
+        [in_colour / np.sqrt(lights), weight[:, :, None] * np.swapaxes(by_point, 1, 2)], axis=1
+    )  # (n, residuals, m)
+    flipped = np.swapaxes(slopes, 1, 2)
+    cost = np.sum(residual**2, axis=1)
+    good = np.isfinite(cost) & np.isfinite(slopes).all(axis=(1, 2))
+    delta_e = np.linalg.norm(colours, axis=-1).max(axis=1)
+    return _Look(np.where(good, cost, np.inf), delta_e, (flipped @ residual[..., None])[..., 0], flipped @ slopes)
+
+
+@functools.partial(jax.jit, static_argnames=("optics", "coats"))
+def solve(
+    model: StackModel, slots: Slots, amount: Float[Array, "n slots"], optics: Optics, *, coats: int
+) -> tuple[
+    Float[Array, "n bands"],
+    Float[Array, "n slots bands"],
+    Float[Array, "n lights 3"],
+    Float[Array, "n lights 3 bands"],
+]:
+    """Readings by the solver and their slopes by the amounts in um; L*a*b* and their slopes by the readings."""
+    absorption, scattering = model.absorption[slots.paint], model.scattering[slots.paint]  # (n, slots, bands)
+    member = slots.used[:, None] & (slots.coat[:, None] == jnp.arange(coats)[:, None])
+    share = jnp.where(member, amount[:, None], 0.0)
+    reading, back = jax.vjp(lambda kd, sd: true_reading(model, kd, sd, optics), share @ absorption, share @ scattering)
+    # A band's reading follows from that band alone, so that one pull-back of ones holds every slope.
+    by_kd, by_sd = (jnp.take_along_axis(v, slots.coat[..., None], axis=1) for v in back(jnp.ones_like(reading)))
+    by_amount = jnp.where(slots.used[..., None], by_kd * absorption + by_sd * scattering, 0.0)
+    by_reading = jax.vmap(jax.jacfwd(lambda spectrum: lab_of(model, spectrum)))(reading)
+    return reading, by_amount, lab_of(model, reading), by_reading
+
+
+def colour_misfit(
+    lab: Float[np.ndarray, "*batch 3"], aim: Float[np.ndarray, "*batch 3"]
+) -> tuple[Float[np.ndarray, "*batch 3"], Float[np.ndarray, "*batch 3 3"]]:
+    """Vectors as long as the CIEDE2000 differences of colours from their aims, and their slopes by the colours.
+
+    The vector points as the metric half-way between both has it, where the formula takes its weights.
+    """
+    moves = _LAB_STEP * np.concatenate([np.zeros((1, 3)), np.eye(3), -np.eye(3)])
+    near = lab + moves.reshape(7, *(1,) * (lab.ndim - 1), 3)
+    metric = colour_metric((near + aim) / 2)
+    vector = np.einsum("...ij,...j->...i", metric, near - aim)
+    length = np.linalg.norm(vector, axis=-1)
+    far = length > 1e-4
+    vector = vector * np.where(far, delta_e_2000(near, aim + 0.0 * near) / np.where(far, length, 1.0), 1.0)[..., None]
+    slopes = (vector[1:4] - vector[4:]) / (2.0 * _LAB_STEP)
+    return vector[0], np.moveaxis(slopes, 0, -1)
