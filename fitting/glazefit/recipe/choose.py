@@ -100,7 +100,20 @@ def simplified(model: StackModel, stacks: Stacks) -> Stacks:
         unseen &= without.any(axis=(1, 2)) & sizes[:, coat].any(axis=1)
         sizes[unseen] = without[unseen]
     changed = np.flatnonzero(((sizes > 0) != (stacks.sizes > 0)).any(axis=(1, 2)))
-    return Stacks.unrefined(packed(sizes[changed]), stacks.target[changed], stacks.cost[changed])
+    simple = merged(packed(sizes[changed]), float(np.exp(model.span[1])))
+    return Stacks.unrefined(simple, stacks.target[changed], stacks.cost[changed])
+
+
+def merged(sizes: Float[np.ndarray, "n coats paints"], thickest: float) -> Float[np.ndarray, "n coats paints"]:
+    """Stacks where neighbours of one and the same paint are one coat, if that is no thicker than allowed, um."""
+    sizes = sizes.copy()
+    for stack in sizes:
+        for upper, lower in itertools.pairwise(stack):
+            alone = (upper > 0).sum() == 1 and np.array_equal(upper > 0, lower > 0)
+            if alone and upper.sum() + lower.sum() <= thickest:
+                lower += upper
+                upper[:] = 0.0
+    return packed(sizes)
 
 
 def _first_lab(model: StackModel, sizes: Float[np.ndarray, "n coats paints"]) -> Float[np.ndarray, "n 3"]:

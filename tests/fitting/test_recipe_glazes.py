@@ -1,0 +1,115 @@
+"""Recipes of unmixed coats: each tube as it is."""
+
+import itertools
+from io import StringIO
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+import glazejax as gj
+from glazefit import find_recipes, lab_target, spectral_target
+from glazefit.recipe.choose import merged, roundings
+from glazefit.recipe.refine import _children
+from glazefit.recipe.report import print_best, print_recipes
+from glazefit.recipe.task import Task, make_task
+from glazejax import colour
+
+from .palette import GRID, palette
+
+SEEN = gj.Bidirectional(45, 0)
+WHITE, BLACK, RED, YELLOW, BLUE = palette()
+
+
+def said(show, *what) -> str:
+    console = Console(file=StringIO(), width=200)
+    show(*what, console)
+    return " ".join(console.file.getvalue().split())
+
+
+@pytest.fixture(scope="module")
+def found():
+    """For what three unmixed coats reflect, and for a pink that only a mixture gives in one coat or two."""
+    coats = [gj.Layer(YELLOW, 2e-6), gj.Layer(RED, 1.5e-6), gj.Layer(WHITE, 12e-6)]
+    made = np.asarray(gj.reflectance(gj.Glaze(coats, 0.9), SEEN))
+    return find_recipes([spectral_target("made", GRID, made), lab_target((35, 5, -5), "plum")], palette(), glazes=True)
+
+
+def test_every_coat_is_one_paint_and_no_two_alike_touch(found):
+    for recipe in (recipe for recipes in found for recipe in recipes):
+        assert 1 <= len(recipe.coats) <= 6
+        names = [coat.name for coat in recipe.coats]
+        assert all(len(coat.parts) == 1 for coat in recipe.coats)
+        assert all(upper != lower for upper, lower in itertools.pairwise(names))
+        assert recipe.converged
+
+
+def test_a_stack_of_unmixed_coats_is_found_again(found):
+    assert found[0][0].distance < 0.5
+    assert max(len(recipe.coats) for recipe in found[0]) >= 2
+
+
+def test_what_mixing_would_gain_is_a_recipe_of_its_own(found):
+    for recipes in found:
+        mixed = recipes[0].mixed
+        assert all(recipe.mixed is mixed for recipe in recipes)
+        own = colour.lab(GRID, gj.reflectance(mixed.glaze, SEEN))
+        wanted = mixed.target.lab("D65", colour.CIE_1931)
+        assert mixed.distance == pytest.approx(float(colour.delta_e_2000(own, wanted)), abs=0.01)
+        assert len(mixed.coats) <= 2
+        assert len(mixed.paints) <= 3
+
+
+def test_the_answer_says_what_mixing_would_gain(found):
+    for recipes in found:
+        here, mixed = min(recipe.distance for recipe in recipes), recipes[0].mixed.distance
+        assert f"ΔE00 {mixed:.2f} instead of {here:.2f}" in said(print_recipes, recipes)
+    table = said(print_best, found)
+    assert "if mixed" in table
+    assert "Mixed within a coat: ΔE00" in table
+    plain = [[recipe for recipe in recipes if recipe.mixed is None] for recipes in found]
+    assert not any(plain)
+
+
+def task(**others) -> Task:
+    options = {
+        "ground": 0.9, "geometry": None, "refractive_index": 1.5, "illuminants": None, "test_illuminant": "A",
+        "observer": 2, "max_paints": None, "max_layers": None, "glazes": True, "thickness": (1e-6, 50e-6), "count": 5,
+        "metamerism": 0.2, "simplicity": 0.3, "seed": 0,
+    }  # fmt: skip
+    return make_task([lab_target((50, 0, 0))], palette(), **(options | others))
+
+
+def test_limits_of_unmixed_coats():
+    assert (task().max_layers, task().max_paints, task().slots) == (6, 5, 6)
+    assert (task().mixed.max_layers, task().mixed.max_paints, task().mixed.glazes) == (2, 3, False)
+    assert (task(glazes=False).max_layers, task(glazes=False).max_paints) == (2, 3)
+    assert task(max_layers=1, max_paints=2).mixed.max_layers == 1
+    with pytest.raises(ValueError, match="max_layers is 7; it must be a whole number from 1 to 6"):
+        task(max_layers=7)
+    with pytest.raises(ValueError, match="max_layers is 6; it must be a whole number from 1 to 4"):
+        task(max_layers=6, glazes=False)
+
+
+def test_a_coat_is_added_anywhere_and_never_mixed_in():
+    stack = np.zeros((4, 5))
+    stack[0, 0], stack[1, 1] = 5.0, 3.0
+    children = _children(task().model(), stack, 5, 4, False)
+    assert all(((child > 0).sum(axis=1) <= 1).all() and (child > 0).sum() == 3 for child in children)
+    orders = {tuple(np.argmax(child[:3], axis=1).tolist()) for child in children}
+    # Between two coats only what neither of them is; above and below, whatever the outer coat is not.
+    assert {order for order in orders if order[1] not in (0, 1)} == {(0, 2, 1), (0, 3, 1), (0, 4, 1)}
+    assert all(a != b for order in orders for a, b in itertools.pairwise(order))
+    assert len(orders) == 3 + 4 + 4
+
+
+def test_coats_that_become_neighbours_of_one_paint_are_one():
+    stack = np.zeros((3, 2))
+    stack[0, 0], stack[1, 0], stack[2, 1] = 20.0, 25.0, 4.0
+    np.testing.assert_array_equal(merged(stack[None], 50.0), [[[45.0, 0], [0, 4.0], [0, 0]]])
+    np.testing.assert_array_equal(merged(stack[None], 40.0), stack[None])
+
+
+def test_six_coats_have_every_rounding():
+    sizes = np.diag([1.23, 2.34, 3.45, 4.56, 5.67, 6.78])
+    assert len(roundings(sizes, (1.0, 50.0))) == 2**6
