@@ -22,9 +22,9 @@ WHITE, BLACK, RED, YELLOW, BLUE = palette()
 
 
 def said(show, *what) -> str:
-    console = Console(file=StringIO(), width=200)
-    show(*what, console)
-    return " ".join(console.file.getvalue().split())
+    page = StringIO()
+    show(*what, Console(file=page, width=200))
+    return " ".join(page.getvalue().split())
 
 
 @pytest.fixture(scope="module")

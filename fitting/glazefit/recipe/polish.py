@@ -13,7 +13,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from glazejax.colour import delta_e_2000
 
@@ -32,17 +32,25 @@ _LONGEST, _FADED, _LAB_STEP = 1.0, -9.0, 0.01
 _DAMPED, _FULL = 1e-3, 1e-9
 
 
+class _Slots(NamedTuple):
+    """`recipe.model.Slots` for numpy."""
+
+    paint: Int[np.ndarray, "n slots"]
+    coat: Int[np.ndarray, "n slots"]
+    used: Bool[np.ndarray, "n slots"]
+
+
 class _Place(NamedTuple):
     """Stacks as variables: which paint lies where, and targets."""
 
-    slots: Slots  # (n, slots), numpy
+    slots: _Slots
     member: Float[np.ndarray, "n coats slots"]  # 1 where a slot lies in a coat
     lab: Float[np.ndarray, "n lights 3"]
     spectrum: Float[np.ndarray, "n bands"]
     spectral: Float[np.ndarray, "n"]
 
     def take(self, rows: np.ndarray) -> "_Place":
-        return _Place(Slots(*(values[rows] for values in self.slots)), *(values[rows] for values in self[1:]))
+        return _Place(_Slots(*(values[rows] for values in self.slots)), *(values[rows] for values in self[1:]))
 
 
 class _Look(NamedTuple):
@@ -93,7 +101,8 @@ def polish(model: StackModel, optics: Optics, aims: TargetArrays, stacks: Stacks
         steps[rows] += 1
         for old, found in zip(look, new, strict=True):
             old[rows] = found[better]
-    sizes = empty_slots(place.slots, place.member * _amounts(place, point)[0][:, None], stacks.sizes.shape[2])
+    filled = Slots(*(jnp.asarray(values) for values in place.slots))
+    sizes = empty_slots(filled, place.member * _amounts(place, point)[0][:, None], stacks.sizes.shape[2])
     good = np.isfinite(look.cost)
     return Stacks(
         np.where(good[:, None, None], sizes, stacks.sizes),
@@ -112,7 +121,7 @@ def _rows(look: _Look, rows: np.ndarray) -> _Look:
 def _start(model: StackModel, aims: TargetArrays, stacks: Stacks, count: int) -> tuple[_Place, np.ndarray]:
     """Variables of stacks: logarithms of the coats' thicknesses, then those of the slots' shares."""
     places, _ = fill_slots(model, stacks.sizes, count)
-    slots = Slots(*(np.asarray(values) for values in places))
+    slots = _Slots(*(np.asarray(values) for values in places))
     member = (slots.used[:, None] & (slots.coat[:, None] == np.arange(stacks.sizes.shape[1])[:, None])).astype(float)
     amount = stacks.sizes[np.arange(stacks.size)[:, None], slots.coat, slots.paint]
     total = stacks.sizes.sum(axis=2)
