@@ -99,7 +99,7 @@ def shared_reference() -> Path:
 
 
 _STARTED = time.monotonic()
-_BUDGET = float(os.environ.get("GLAZEJAX_TEST_SECONDS", "inf"))
+_BUDGET = float(os.environ.get("GLAZEJAX_TEST_SECONDS") or "inf")
 """Seconds after which no further test begins; those left out are counted as skipped."""
 
 
