@@ -326,7 +326,9 @@ def main() -> None:
                 f"{trial['outcome']:8s} {trial['seconds']:5.1f} s  {mutant.file}:{mutant.line}  {mutant.change}",
                 flush=True,
             )
-    table(Results("mutation", options.out), scratch, options.modules, options.seed, options.budget)
+    # The first sample is that which tests were written for; others are named by their seed.
+    name = "mutation" if options.seed == 1 else f"mutation_{options.seed}"
+    table(Results(name, options.out), scratch, options.modules, options.seed, options.budget)
 
 
 if __name__ == "__main__":

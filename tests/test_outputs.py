@@ -3,6 +3,7 @@
 import pytest
 
 from glazejax.io.outputs import check_output
+from glazejax.io.write import write_files
 
 
 def test_free_names_and_files_that_may_be_replaced(tmp_path):
@@ -26,3 +27,16 @@ def test_what_is_wrong_is_said(tmp_path, monkeypatch):
     for overwrite in (False, True):
         with pytest.raises(IsADirectoryError, match=r"^folder is a folder: name a file in it$"):
             check_output("folder", overwrite=overwrite)
+
+
+def test_several_files_are_written_all_or_none(tmp_path):
+    """A file that is there stays as it is unless asked, and then no other is written either."""
+    new, old = tmp_path / "new.csv", tmp_path / "old.csv"
+    old.write_bytes(b"mine")
+    with pytest.raises(FileExistsError, match=r"old\.csv"):
+        write_files({new: [b"a", b"b"], old: [b"c"]})
+    assert old.read_bytes() == b"mine"
+    assert not new.exists()
+    write_files({new: [b"a", b"b"], old: [b"c"]}, overwrite=True)
+    assert (new.read_bytes(), old.read_bytes()) == (b"ab", b"c")
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["new.csv", "old.csv"]
