@@ -223,6 +223,7 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--test-illuminant": Reaches("--test-illuminant FL11", lambda g: g["test_illuminant"], "FL11"),
         "--observer": Reaches("--observer 10", lambda g: g["observer"], "10"),
         "--max-paints": Reaches("--max-paints 2", lambda g: g["max_paints"], 2),
+        "--glazes": Reaches("--glazes", lambda g: g["glazes"], True),
         "--max-layers": Reaches("--max-layers 1", lambda g: g["max_layers"], 1),
         "--coat-thickness": Reaches("--coat-thickness 2-7", lambda g: g["thickness"], pytest.approx((2e-6, 7e-6))),
         "--thickness": Reaches("--thickness 2-7", lambda g: g["thickness"], pytest.approx((2e-6, 7e-6))),
