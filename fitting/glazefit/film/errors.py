@@ -162,21 +162,19 @@ def relative_errors(pigments: Sequence[Pigment], discrepancy: Discrepancy) -> Fl
     counts them: what their stated ones are more than their modes hold.
     """
 
-    def share(value: Array, sd: Array | None, modes: np.ndarray | None) -> np.ndarray:
+    def share(value: Array, sd: Array | None, unstated: float) -> np.ndarray:
         values = np.asarray(value, dtype=np.float64)
         if sd is None:
-            return np.full(values.shape, discrepancy.unstated if modes is None else 0.0)
+            return np.full(values.shape, unstated)
         # Without any absorption its relative error does not matter: the readings' slope is 0.
-        stated = np.divide(np.asarray(sd), values, out=np.zeros_like(values), where=values > 0)
-        held = 0.0 if modes is None else np.sum(modes**2, axis=0)
-        return np.sqrt(np.maximum(np.minimum(stated, discrepancy.most) ** 2 - held, 0.0))
+        return np.divide(np.asarray(sd), values, out=np.zeros_like(values), where=values > 0)
 
-    def both(pigment: Pigment) -> list[np.ndarray]:
+    def both(pigment: Pigment) -> np.ndarray:
         modes = _counted(pigment, discrepancy)
-        return [
-            share(pigment.absorption, pigment.absorption_sd, None if modes is None else modes[:, 0]),
-            share(pigment.scattering, pigment.scattering_sd, None if modes is None else modes[:, 1]),
-        ]
+        held, unstated = (0.0, discrepancy.unstated) if modes is None else (np.sum(modes**2, axis=0), 0.0)
+        pairs = ((pigment.absorption, pigment.absorption_sd), (pigment.scattering, pigment.scattering_sd))
+        stated = np.minimum([share(value, sd, unstated) for value, sd in pairs], discrepancy.most)
+        return np.sqrt(np.maximum(stated**2 - held, 0.0))
 
     return np.asarray([both(pigment) for pigment in pigments])
 

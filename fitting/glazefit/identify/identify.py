@@ -27,7 +27,7 @@ from ..film.optics import Optics
 from ..film.response import film_response
 from .result import Identification, Pool
 from .screen import paints_of
-from .search import CHUNK, first_starts, search_chunk
+from .search import CHUNK, first_starts, pieces, search_chunk
 from .task import IdentificationTask, check_pigments, check_spectra, hiding
 from .untold import search_untold
 from .weigh import weigh
@@ -106,10 +106,8 @@ def identify_chunks(
     tasks = {False: seen_through, True: seen_through._replace(paints=paints_of(known, thick.thickness), prior=thick)}
     starts = first_starts(tasks[told], measured)
     paints = tuple(pigment.name for pigment in known)
-    rows = np.arange(len(measured))
-    for together in np.split(rows, range(_TOGETHER, len(rows), _TOGETHER)):
-        chunks = np.split(together, range(CHUNK, len(together), CHUNK))
-        pool = Pool.joined([search_chunk(tasks[told], measured, some, starts) for some in chunks])
+    for together in pieces(np.arange(len(measured)), _TOGETHER):
+        pool = Pool.joined([search_chunk(tasks[told], measured, some, starts) for some in pieces(together)])
         some = measured.take(together)
         yield weigh(some, *search_untold(tasks, told, some, pool), paints, told, keep)
 

@@ -45,6 +45,11 @@ _REFINED = {1: (8, 3), 2: (12, 4), 3: (20, 6)}
 _ALIKE = 0.04
 
 
+def pieces(rows: Int[np.ndarray, "rows"], size: int = CHUNK) -> list[Int[np.ndarray, "some"]]:
+    """The rows in order, so many at a time."""
+    return np.split(rows, range(size, len(rows), size))
+
+
 class SetStarts(NamedTuple):
     """Sets of one size and where to start them."""
 

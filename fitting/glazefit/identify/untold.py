@@ -14,7 +14,7 @@ from ..film.response import FilmResponse
 from ..film.varnish import varnished, without_varnish, yellow
 from .conditions import CONDITIONS, NOT_OPAQUE, OTHER_GROUNDS, VARNISHES
 from .result import Pool
-from .search import CHUNK, first_starts, independent, search_chunk
+from .search import first_starts, independent, pieces, search_chunk
 from .task import IdentificationTask, Measured
 from .weigh import Odds, odds_of
 
@@ -69,8 +69,7 @@ def _under(number: int, tasks: Mapping[bool, IdentificationTask], told: bool, me
         seen = replace(seen, grounds=np.full_like(seen.grounds, condition.ground))
     if condition.varnish:
         seen, change = bared(seen, task.response, task.surface, condition.varnish)
-    rows = np.arange(len(seen))
-    chunks = [seen.take(some) for some in np.split(rows, range(CHUNK, len(rows), CHUNK))]
+    chunks = [seen.take(some) for some in pieces(np.arange(len(seen)))]
     pool = Pool.joined([search_chunk(task, some, np.arange(len(some)), first_starts(task, some)) for some in chunks])
 
     def coated(readings: np.ndarray) -> np.ndarray:

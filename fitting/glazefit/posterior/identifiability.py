@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from jaxtyping import Bool, Float
+from jaxtyping import Bool, Float, Int
 
 from glazejax.spectra import ranges
 
@@ -81,25 +81,33 @@ def of_paints(
     sentences = []
     for b, film in enumerate(films):
         where = f"{film}: " if len(films) > 1 else ""
-        for share, vector in zip(shares[b], vectors[b], strict=True):
-            if share >= OPEN:
-                sentences.append(where + _open(share, vector, names))
-        for i in range(len(names)):
-            for j in range(i):
-                tie = correlation[b, i, j]
-                if abs(tie) >= TIED:
-                    how = "against each other" if tie < 0 else "together"
-                    sentences.append(
-                        f"{where}{names[j]} and {names[i]} can hardly be told apart: they move {how} "
-                        f"(correlation {tie:.2f})"
-                    )
+        open_ = [(s, v, _parts(v)) for s, v in zip(shares[b], vectors[b], strict=True) if s >= OPEN]
+        said = [*(_open(*one, names) for one in open_), *_ties(correlation[b], names)]
+        sentences += [where + words for words in said]
     return Identifiability(shares, vectors, correlation, tuple(sentences))
 
 
-def _open(share: float, vector: np.ndarray, names: Sequence[str]) -> str:
-    """One open direction; signs say which unknowns rise together."""
+def _ties(correlation: Float[np.ndarray, "dims dims"], names: Sequence[str]) -> list[str]:
+    """Pairs of unknowns that move together."""
+    return [
+        f"{names[j]} and {names[i]} can hardly be told apart: they move "
+        f"{'against each other' if correlation[i, j] < 0 else 'together'} (correlation {correlation[i, j]:.2f})"
+        for i in range(len(names))
+        for j in range(i)
+        if abs(correlation[i, j]) >= TIED
+    ]
+
+
+def _parts(vector: Float[np.ndarray, "dims"]) -> Int[np.ndarray, "parts"]:
+    """The unknowns that a direction is made of, largest first."""
     parts = np.flatnonzero(np.abs(vector) >= 0.3)
-    parts = parts[np.argsort(-np.abs(vector[parts]))]
+    return parts[np.argsort(-np.abs(vector[parts]))]
+
+
+def _open(
+    share: float, vector: Float[np.ndarray, "dims"], parts: Int[np.ndarray, "parts"], names: Sequence[str]
+) -> str:
+    """One open direction; signs say which unknowns rise together."""
     left = f"{min(np.sqrt(share), 1.0):.0%} of the width it had beforehand"
     if len(parts) == 1:
         return f"the data say little of {names[parts[0]]}: it keeps {left}"
@@ -180,9 +188,9 @@ def of_coats(
         for quantity in problem.quantities:
             if quantity.name not in problem.unknowns:
                 continue
-            words = _told(quantity, free[:, b], beforehand)
+            alike, words = _told(quantity, free[:, b], beforehand)
             sentences += [where + words] if words else []
-            if words != _untold(quantity.name) and " of coat " in quantity.name:
+            if not alike and " of coat " in quantity.name:
                 ties.append(problem.unknowns.index(quantity.name))
         sentences += [where + words for words in _tied(free[:, b], problem, ties)]
         spectra = [
@@ -195,23 +203,19 @@ def of_coats(
     return Identifiability(shares, vectors, correlation, tuple(sentences))
 
 
-def _untold(name: str) -> str:
-    return f"{name}: not told by these readings: its posterior is its prior"
-
-
 def _told(
     quantity: Quantity, free: Float[np.ndarray, "draws dims"], beforehand: Float[np.ndarray, "others dims"]
-) -> str:
-    """A sentence if the readings tell little or nothing of a quantity; else empty."""
+) -> tuple[bool, str]:
+    """Whether a quantity's posterior is its prior; a sentence if the readings tell little or nothing of it, or none."""
     scale = np.log if quantity.logarithmic else np.asarray
     after, before = (np.quantile(scale(quantity.values(draws)), LEVELS) for draws in (free, beforehand))
     width = before[-1] - before[0]
     if np.abs(after - before).max() <= ALIKE * width:
-        return _untold(quantity.name)
+        return True, f"{quantity.name}: not told by these readings: its posterior is its prior"
     share = (after[-1] - after[0]) / width
     if share >= np.sqrt(OPEN):
-        return f"{quantity.name}: hardly told: it keeps {min(share, 1.0):.0%} of the width it had beforehand"
-    return ""
+        return False, f"{quantity.name}: hardly told: it keeps {min(share, 1.0):.0%} of the width it had beforehand"
+    return False, ""
 
 
 def _tied(free: Float[np.ndarray, "draws dims"], problem: Problem, some: Sequence[int]) -> list[str]:
@@ -220,8 +224,10 @@ def _tied(free: Float[np.ndarray, "draws dims"], problem: Problem, some: Sequenc
         return []
     names = [problem.unknowns[i] for i in some]
     prior = problem.prior_covariance[np.ix_(some, some)]
-    found = of_paints(free[:, None, some], prior, names, [""])
-    return [words for words in found.sentences if " little of " not in words or " one direction " in words]
+    shares, vectors, correlation = directions(free[:, None, some], prior)
+    open_ = [(s, v, _parts(v)) for s, v in zip(shares[0], vectors[0], strict=True) if s >= OPEN]
+    # Those of one unknown are said of each by itself.
+    return [*(_open(*one, names) for one in open_ if len(one[2]) > 1), *_ties(correlation[0], names)]
 
 
 def only_ratio(

@@ -86,17 +86,15 @@ def entries(recovery: JointRecovery, thickness: float, file: PaintFile, known: M
     for row, paint in enumerate(new):
         modes = {column: slopes[i, :, row] for i, column in enumerate(columns.values())}
         modes |= {first + i: mode[:, row] for i, mode in enumerate(own)}
-        found = recovery.pigment(paint, thickness)
-        k, s = (
-            np.asarray(found.absorption) * np.exp(shift[0, row]),
-            np.asarray(found.scattering) * np.exp(shift[1, row]),
-        )
+        there = recovery.row(paint)
+        k = recovery.absorption[there] / thickness * np.exp(shift[0, row])
+        s = recovery.scattering[there] / thickness * np.exp(shift[1, row])
         pigment = Pigment(
             paint,
-            found.wavelengths,
+            recovery.wavelengths,
             k,
             s,
-            identifiable=found.identifiable,
+            identifiable=recovery.identifiable[there],
             absorption_sd=k * sd[0, row],
             scattering_sd=s * sd[1, row],
         )
