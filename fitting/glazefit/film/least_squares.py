@@ -145,7 +145,7 @@ def inverse_small(matrix: Float[Array, "n n"]) -> tuple[Float[Array, "n n"], Flo
             x.append(((1.0 if i == column else 0.0) - sum(lower[i][p] * x[p] for p in range(i))) / lower[i][i])
         unit.append(jnp.stack([jnp.asarray(v) for v in x]))
     inverse = jnp.stack(unit, axis=1)
-    return inverse.T @ inverse, 2.0 * sum((jnp.log(lower[i][i]) for i in range(n)), jnp.zeros(()))
+    return inverse.T @ inverse, 2.0 * sum((jnp.log(lower[i][i]) for i in range(n)), jnp.zeros((), matrix.dtype))
 
 
 Seen = tuple[Float[Array, ""], Float[Array, "n"], Float[Array, "n n"], Any]
@@ -157,7 +157,7 @@ def damped_newton(
     start: Float[Array, "n"],
     limits: tuple[float, float],
     *,
-    steps: int,
+    steps: int | Array,
     longest: float,
 ) -> tuple[Float[Array, "n"], Seen]:
     """A fixed number of Newton steps with Levenberg's damping: the best point, and what is seen there.
@@ -177,7 +177,7 @@ def damped_newton(
     def step(_: int | Array, state: tuple) -> tuple:
         here, seen, damping = state
         _, gradient, hessian, _ = seen
-        damped = hessian + damping * (jnp.diag(jnp.diagonal(hessian)) + 1e-6 * jnp.eye(here.shape[0]))
+        damped = hessian + damping * (jnp.diag(jnp.diagonal(hessian)) + 1e-6 * jnp.eye(here.shape[0], dtype=here.dtype))
         move = jnp.clip(-inverse_small(damped)[0] @ gradient, -longest, longest)
         tried = jnp.clip(here + move, *limits)
         new = look(tried)

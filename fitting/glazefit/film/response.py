@@ -97,7 +97,7 @@ def _locate(
     thickness: Float[Array | np.ndarray, "*batch"], highest: float
 ) -> tuple[Int[Array, "*batch"], Float[Array, "*batch 4"]]:
     """Cell and the four cubic B-spline weights of each value."""
-    place = jnp.log1p(thickness / _BEND) * ((_NODES - 1) / np.log1p(highest / _BEND))
+    place = jnp.log1p(thickness / _BEND) * float((_NODES - 1) / np.log1p(highest / _BEND))
     place = jnp.clip(place, 0.0, _NODES - 1)
     cell = jnp.minimum(jnp.floor(jax.lax.stop_gradient(place)), _NODES - 2)
     t = place - cell

@@ -7,7 +7,6 @@ explanation is right and the errors are as stated.
 
 from collections.abc import Sequence
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
@@ -26,7 +25,7 @@ from ..film.errors import (
 from ..film.films import Instrument
 from ..film.optics import Optics
 from ..film.response import film_response
-from .fit import coat_slopes
+from .fit import block_size, by_blocks, film_slopes
 from .result import NOBODY, Identification
 from .screen import paints_of
 from .search import CHUNK
@@ -90,19 +89,24 @@ def _slopes(
 ) -> Float[np.ndarray, "spectra candidates errors readings"]:
     """Slopes of the readings by the log of k, then of s, of the paints of the most probable explanations."""
     paints = paints_of(known, prior.thickness)
-    # Few sizes, so that little is compiled.
-    rows = np.arange(len(found))
-    padded = np.resize(rows, CHUNK) if 1 < len(rows) < CHUNK else rows
     with np.errstate(divide="ignore"):
-        logs = np.log(found.amounts[padded, :count] / prior.thickness)
-    sets, coats = (a[padded, :count] for a in (found.members, found.coats))
-    films = paints, jnp.asarray(sets)
-    ground, jlogs = jnp.asarray(found.measured.grounds[padded]), jnp.asarray(logs)
+        logs = np.log(found.amounts[:, :count] / prior.thickness)
+    sets, coats = found.members[:, :count], found.coats[:, :count]
     response = film_response(instrument.geometry, instrument.refractive_index)
-    slopes: np.ndarray | jax.Array = coat_slopes(response, *films, jlogs, ground)
+    ground = found.measured.grounds
+    row = np.repeat(np.arange(len(found)), count)
+    flat = sets.reshape(len(row), -1), logs.reshape(len(row), -1)
+    size = block_size(found.measured.readings[0].size)
+    slopes = by_blocks(
+        len(row), size, lambda n: film_slopes(response, paints, *(jnp.asarray(a[n]) for a in (*flat, ground[row])))
+    )
+    slopes = slopes.reshape(*sets.shape[:2], *slopes.shape[1:])
     if (coats > 0).any():
         optics = Optics.of(instrument.geometry, instrument.refractive_index)
-        stacks = stack_slopes(*films, jnp.asarray(coats), jlogs, ground, optics)
+        # Few sizes, so that little is compiled.
+        some = np.resize(np.arange(len(found)), max(CHUNK, len(found))) if len(found) > 1 else np.arange(1)
+        films = (jnp.asarray(a[some]) for a in (sets, coats, logs, ground))
+        stacks = np.asarray(stack_slopes(paints, *films, optics))[: len(found)]
         stacked = np.any(coats > 0, axis=-1, keepdims=True)
         slopes = np.where(np.asarray(stacked)[..., None], stacks, slopes)
-    return np.asarray(slopes)[: len(found)]
+    return slopes

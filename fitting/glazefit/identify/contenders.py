@@ -21,9 +21,10 @@ from ..film.errors import Discrepancy, Prior, noise_covariance, whitening
 from ..film.films import Instrument
 from ..film.least_squares import damped_newton
 from ..film.response import FilmResponse, film_response
+from .own_errors import near_sd
 from .result import NOBODY, Identification
 from .screen import Paints, paints_of
-from .search import CHUNK, near_sd
+from .search import CHUNK
 from .task import Measured, check_pigments, hiding
 
 LEAST_SHARE = 0.01

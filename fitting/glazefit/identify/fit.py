@@ -8,13 +8,13 @@ approximation at the minimum gives each candidate's evidence.
 
 import functools
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.scipy.special import gammaln
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from ..film.least_squares import damped_newton, inverse_small
 from ..film.response import FilmResponse
@@ -30,7 +30,7 @@ class Weights(NamedTuple):
     """Errors and prior of one spectrum, or of one candidate for it."""
 
     target: Float[Array, "readings"]  # without the mean surface
-    basis: Float[Array, "scales readings readings"]
+    basis: Float[Array, "scales components readings"]  # components: as many as readings, or few that rank
     height: Float[Array, "scales"]
     spread: Float[Array, ""]
     concentration: Float[Array, ""]
@@ -65,7 +65,7 @@ def _prior_terms(logs: Array, present: Array, spread: Array, concentration: Arra
     gradient = share * total / spread**2 - concentration * (present.astype(logs.dtype) - m * share)
     outer = jnp.outer(share, share)
     hessian = outer / spread**2 + concentration * m * (jnp.diag(share) - outer)
-    return gradient, hessian + jnp.diag(jnp.where(present, 0.0, 1.0))
+    return gradient, hessian + jnp.diag(jnp.where(present, 0.0, 1.0).astype(logs.dtype))
 
 
 Model = Callable[[Float[Array, "size"]], tuple[Float[Array, "readings"], Float[Array, "size readings"]]]
@@ -73,7 +73,12 @@ Model = Callable[[Float[Array, "size"]], tuple[Float[Array, "readings"], Float[A
 
 
 def fit_one(
-    model: Model, start: Float[Array, "size"], present: Bool[Array, "size"], weights: Weights, middle: int
+    model: Model,
+    start: Float[Array, "size"],
+    present: Bool[Array, "size"],
+    weights: Weights,
+    middle: int,
+    steps: int | Array = _STEPS,
 ) -> Fitted:
     """Most probable log amounts of one candidate, and its evidence.
 
@@ -83,6 +88,7 @@ def fit_one(
         present: False fills up a candidate of fewer paints.
         weights: of the spectrum.
         middle: scale of the discrepancy that is fitted with.
+        steps: of Newton's method.
     """
     white = weights.basis[middle]
 
@@ -93,8 +99,8 @@ def fit_one(
         cost = 0.5 * off @ off - log_prior(logs, present, weights.spread, weights.concentration)
         return cost, gradient - slopes @ off, hessian + slopes @ slopes.T, readings
 
-    limits = np.log(LEAST), np.log(MOST)
-    logs, (_, _, hessian, readings) = damped_newton(look, start, limits, steps=_STEPS, longest=_LONGEST)
+    limits = float(np.log(LEAST)), float(np.log(MOST))
+    logs, (_, _, hessian, readings) = damped_newton(look, start, limits, steps=steps, longest=_LONGEST)
     prior = _prior_terms(logs, present, weights.spread, weights.concentration)[1]
     log_evidence, spread = _evidence(logs, present, (hessian - prior, prior), readings, weights)
     return Fitted(logs, spread, log_evidence, readings)
@@ -142,7 +148,7 @@ def _readings_and_slopes(
     return readings, by_k, jax.jvp(seen, (kd, sd), (none, unit))[1]
 
 
-@functools.partial(jax.jit, static_argnames=("middle", "own"))
+@functools.partial(jax.jit, static_argnames=("middle", "steps"))
 def fit_sets(
     response: FilmResponse,
     paints: Paints,
@@ -151,9 +157,9 @@ def fit_sets(
     ground: Array,
     weights: Weights,
     middle: int,
-    own: bool = False,
+    steps: int = _STEPS,
 ) -> Fitted:
-    """Fit candidates of one coat.
+    """Fit candidates of one coat, as many for each spectrum.
 
     Args:
         response: of the instrument.
@@ -161,35 +167,81 @@ def fit_sets(
         sets: paints of each candidate, (spectra, sets, size); a negative number is none.
         starts: log amounts, (spectra, sets, size).
         ground: internal reflectance, (spectra, grounds, bands).
-        weights: of each spectrum, or with `own` of each candidate.
+        weights: of each spectrum.
         middle: scale of the discrepancy that is fitted with.
-        own: whether the candidates of a spectrum have weights of their own.
+        steps: of Newton's method; many where the start is far.
     """
 
     def one(spectrum: tuple) -> Fitted:
         sets, starts, ground, weights = spectrum
 
-        def candidate(members: Array, start: Array, weights: Weights) -> Fitted:
+        def candidate(members: Array, start: Array) -> Fitted:
             model = coat_model(response, paints.absorption[members], paints.scattering[members], ground)
-            return fit_one(model, start, members >= 0, weights, middle)
+            return fit_one(model, start, members >= 0, weights, middle, steps)
 
-        return jax.vmap(candidate, in_axes=(0, 0, 0 if own else None))(sets, starts, weights)
+        return jax.vmap(candidate)(sets, starts)
 
     return jax.lax.map(one, (sets, starts, ground, weights))
 
 
-@jax.jit
-def coat_slopes(
-    response: FilmResponse, paints: Paints, sets: Array, logs: Array, ground: Array
-) -> Float[Array, "spectra sets errors readings"]:
-    """Slopes of the readings by the log of every paint's k, then s, band by band; arguments as of `fit_sets`."""
+@functools.partial(jax.jit, static_argnames="middle")
+def fit_films(
+    response: FilmResponse,
+    paints: Paints,
+    sets: Array,
+    starts: Array,
+    ground: Array,
+    weights: Weights,
+    middle: int,
+    steps: Array,
+) -> Fitted:
+    """Fit candidates of one coat, each with a ground and weights of its own: arguments as of `fit_sets` without the
+    spectra's axis, and each number of steps by the same program.
+    """
 
-    def candidate(members: Array, logs: Array, ground: Array) -> Array:
+    def candidate(members: Array, start: Array, ground: Array, weights: Weights) -> Fitted:
+        model = coat_model(response, paints.absorption[members], paints.scattering[members], ground)
+        return fit_one(model, start, members >= 0, weights, middle, steps)
+
+    return jax.vmap(candidate)(sets, starts, ground, weights)
+
+
+@jax.jit
+def film_slopes(
+    response: FilmResponse, paints: Paints, sets: Array, logs: Array, ground: Array
+) -> Float[Array, "films errors readings"]:
+    """Slopes of the readings by the log of every paint's k, then s, band by band.
+
+    Args:
+        response: of the instrument.
+        paints: of the catalogue.
+        sets: paints of each film, (films, size); a negative number is none.
+        logs: log amounts, (films, size).
+        ground: internal reflectance, (films, grounds, bands).
+    """
+
+    def film(members: Array, logs: Array, ground: Array) -> Array:
         amounts = jnp.where(members >= 0, jnp.exp(logs), 0.0)[:, None]
         parts = amounts * paints.absorption[members], amounts * paints.scattering[members]
         _, by_k, by_s = _readings_and_slopes(response, parts[0].sum(axis=0), parts[1].sum(axis=0), ground)
         slopes = jnp.concatenate([parts[0][:, None] * by_k, parts[1][:, None] * by_s])
         return slopes.reshape(slopes.shape[0], -1)
 
-    over_sets = jax.vmap(candidate, in_axes=(0, 0, None))
-    return jax.lax.map(lambda spectrum: over_sets(*spectrum), (sets, logs, ground))
+    return jax.vmap(film)(sets, logs, ground)
+
+
+def by_blocks(count: int, block: int, run: Callable[[Int[np.ndarray, "block"]], Any]) -> Any:
+    """What `run` says of films by number, `block` at a time, as numpy arrays for all of them.
+
+    The last block is filled up with films again: one shape, one program.
+    """
+    parts = []
+    for first in range(0, count, block):
+        rows = np.arange(first, min(first + block, count))
+        parts.append(run(np.resize(rows, block)))
+    return jax.tree.map(lambda *a: np.concatenate([np.asarray(one) for one in a])[:count], *parts)
+
+
+def block_size(readings: int) -> int:
+    """Films that are fitted at a time, so that their errors take some megabytes at most."""
+    return int(np.clip(2**22 // readings**2, 4, 128))

@@ -27,13 +27,14 @@ from ..film.optics import Optics
 from ..film.response import film_response
 from .result import Identification, Pool
 from .screen import paints_of
-from .search import CHUNK, first_starts, pieces, search_chunk
+from .search import first_starts, pieces, search_chunk
+from .table import FilmTables
 from .task import IdentificationTask, check_pigments, check_spectra, hiding
 from .untold import search_untold
 from .weigh import weigh
 
 # Spectra whose doubtful ones are sought again together: a few in each chunk would cost as much as all of it.
-_TOGETHER = 4 * CHUNK
+_TOGETHER = 256
 
 
 def identify_chunks(
@@ -100,10 +101,12 @@ def identify_chunks(
         hardly_seen(known, prior.thickness),
         min(max_paints, len(known)),
         layers,
+        FilmTables(),
     )
     thick = hiding(prior, known)
     told = grounds is None
-    tasks = {False: seen_through, True: seen_through._replace(paints=paints_of(known, thick.thickness), prior=thick)}
+    hides = seen_through._replace(paints=paints_of(known, thick.thickness), prior=thick, tables=FilmTables())
+    tasks = {False: seen_through, True: hides}
     starts = first_starts(tasks[told], measured)
     paints = tuple(pigment.name for pigment in known)
     for together in pieces(np.arange(len(measured)), _TOGETHER):

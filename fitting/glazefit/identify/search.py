@@ -8,41 +8,24 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
-from ..film.errors import (
-    Whitening,
-    model_covariance,
-    noise_covariance,
-    paints_covariance,
-    whiten,
-)
-from .fit import LEAST, MOST, Fitted, Weights, coat_slopes, fit_sets
+from ..film.errors import Whitening, model_covariance, whiten
+from .fit import LEAST, MOST, Fitted, Weights, fit_sets
+from .own_errors import Groups, allowed, fixed_errors, near_sd, own_errors, refined, weights_of
 from .result import NOBODY, Pool
-from .screen import (
-    WhitenedSpectra,
-    amounts_grid,
-    grow,
-    score,
-    screen,
-    sets_of,
-    unique_best,
-)
+from .screen import grow, score, sets_of, unique_best
+from .table import ALIKE, TableOfSize
 from .task import TYPICAL_READING, IdentificationTask, Measured
 from .two_coats import fit_stacks, orders, stack_slopes, stack_starts
 
-CHUNK = 16
+CHUNK = 64
 """Spectra that are fitted at a time."""
 
-_SCREENED = 256
 _KEPT_PAIRS, _GROWN_PAIRS, _KEPT_TRIPLES, _STACKED = 40, 12, 40, 8
 _ROUNDS = 2
-# What counts as near when amounts are shown: near black, and for each unit of reflectance.
-_NEAR, _NEAR_SHARE = 0.005, 0.02
+# Damped steps while candidates are ranked.
+_STEPS = 6
 # Error while candidates are looked for, at a reading of 0 over that at a middling one.
 _DARK = 0.1
-# Candidates fitted with errors of their own, and again, by the largest size of a set.
-_REFINED = {1: (8, 3), 2: (12, 4), 3: (20, 6)}
-# Grounds that differ by less share a screening; each film is then fitted with its own.
-_ALIKE = 0.04
 
 
 def pieces(rows: Int[np.ndarray, "rows"], size: int = CHUNK) -> list[Int[np.ndarray, "some"]]:
@@ -51,85 +34,51 @@ def pieces(rows: Int[np.ndarray, "rows"], size: int = CHUNK) -> list[Int[np.ndar
 
 
 class SetStarts(NamedTuple):
-    """Sets of one size and where to start them."""
+    """Sets and where to start them; those of fewer paints are filled up with `NOBODY`."""
 
     sets: Int[np.ndarray, "spectra sets size"]
     logs: Float[np.ndarray, "spectra sets size"]
 
 
-def weights_of(task: IdentificationTask, some: Measured, errors: Whitening) -> Weights:
-    """Errors and prior of some spectra, or of some candidates for each, which the errors' leading axes say."""
-    batch = errors.height.shape[:-1]
-    target = task.target(some.readings).reshape(len(some), *[1] * (len(batch) - 1), -1)
-    target = np.broadcast_to(target, (*batch, target.shape[-1]))
-    freedom = task.discrepancy.freedom or 0.0
-    numbers = (task.prior.spread, task.prior.concentration, freedom, min(independent(task), target.shape[-1]))
-    alike = [np.full(batch, value) for value in numbers]
-    parts = (target, errors.basis, errors.height, *alike)
-    return Weights(*(jnp.asarray(a, float) for a in parts))
-
-
-def independent(task: IdentificationTask) -> float:
-    """Readings that count as independent where candidates are weighed; see `Discrepancy.apart`."""
-    return max(float(np.ptp(task.wavelengths)) / task.discrepancy.apart, 1.0)
-
-
-def alike_errors(task: IdentificationTask, some: Measured) -> Whitening:
-    """Errors while candidates are looked for: the same for all candidates of a spectrum."""
+def alike_errors(
+    task: IdentificationTask, some: Measured, project: Float[np.ndarray, "components readings"] | None = None
+) -> Whitening:
+    """Errors while candidates are looked for: the same for all candidates of a spectrum; of components if given."""
     d = task.discrepancy
     # Smaller on dark films, whose readings differ by little.
     off = d.screening * (_DARK + some.readings.reshape(len(some), -1) / TYPICAL_READING)
     model = model_covariance(task.wavelengths, some.readings.shape[1], d, off)
     fixed = fixed_errors(task, some, some.noise_sd)
-    return whiten(fixed, np.broadcast_to(model, fixed.shape), d)
+    if project is None:
+        return whiten(fixed, np.broadcast_to(model, fixed.shape), d)
+    few = whiten(*(project @ np.broadcast_to(a, fixed.shape) @ project.T for a in (fixed, model)), d)
+    return Whitening(few.basis @ project, few.height)
 
 
-def fixed_errors(
-    task: IdentificationTask, some: Measured, noise_sd: Float[np.ndarray, "spectra grounds bands"]
-) -> Float[np.ndarray, "spectra readings readings"]:
-    """Covariance of noise, of the surface's reflection and of what else is in doubt about the readings."""
-    doubt = some.doubt.reshape(*some.doubt.shape[:2], some.readings[0].size)
-    return noise_covariance(noise_sd, task.surface, task.discrepancy) + np.swapaxes(doubt, 1, 2) @ doubt
-
-
-def own_errors(
-    task: IdentificationTask,
-    some: Measured,
-    sets: Int[np.ndarray, "spectra sets size"],
-    slopes: Float[np.ndarray, "spectra sets errors readings"],
-) -> Whitening:
-    """Errors of each candidate, from what its paints' coefficients do to the readings."""
-    d = task.discrepancy
-    off = d.amplitude + d.share * some.readings.reshape(len(some), -1)
-    model = model_covariance(task.wavelengths, some.readings.shape[1], d, off)[:, None]
-    fixed = fixed_errors(task, some, some.noise_sd)[:, None]
-    scaled = model + paints_covariance(slopes, sets, task.errors, task.modes, task.wavelengths, d)
-    return whiten(np.broadcast_to(fixed, scaled.shape), scaled, d)
-
-
-def first_starts(task: IdentificationTask, measured: Measured) -> list[SetStarts]:
+def first_starts(task: IdentificationTask, measured: Measured) -> SetStarts:
     """Sets of one paint and the best of two for every spectrum, from the screening."""
-    kinds = []
-    for size in range(1, min(task.max_paints, 2) + 1):
-        sets = sets_of(task.known, size)
-        keep = min(len(sets), _KEPT_PAIRS) if size == 2 else len(sets)
-        chosen = np.empty((len(measured), keep, size), dtype=np.int32)
-        logs = np.empty(chosen.shape)
-        kinds.append((sets, amounts_grid(size, task.prior.spread), SetStarts(chosen, logs)))
-    white = jnp.asarray(task.common_whitening(measured.readings.shape[1]), float)
-    target = task.target(measured.readings) @ np.asarray(white).T
+    found: list[tuple[np.ndarray, np.ndarray]] = []
     for rows, ground in alike_grounds(measured.grounds):
-        for first in range(0, len(rows), _SCREENED):
-            some = rows[first : first + _SCREENED]
-            # Padded to one of two sizes, so that little is compiled.
-            padded = np.resize(some, 1 if len(some) == 1 else CHUNK if len(some) <= CHUNK else _SCREENED)
-            search = WhitenedSpectra(jnp.asarray(target[padded], float), white, jnp.asarray(ground, float))
-            for sets, grid, start in kinds:
-                cost, where = screen(task.response, task.paints, jnp.asarray(sets), jnp.asarray(grid, float), search)
-                best = np.argsort(np.asarray(cost)[: len(some)], axis=1)[:, : start.sets.shape[1]]
-                start.sets[some] = sets[best]
-                start.logs[some] = np.log(grid[np.take_along_axis(np.asarray(where)[: len(some)], best, axis=1)])
-    return [start for _, _, start in kinds]
+        table = task.tables.over(task, ground)
+        kinds = table.nearest(task.target(measured.readings[rows]))
+        parts = [_best_starts(kind, *near) for kind, near in zip(table.sizes, kinds, strict=True)]
+        found.append((rows, np.concatenate(parts, axis=1)))
+    order = np.argsort(np.concatenate([rows for rows, _ in found]))
+    both = np.concatenate([part for _, part in found])[order]
+    size = both.shape[-1] // 2
+    return SetStarts(both[..., :size].astype(np.int32), both[..., size:])
+
+
+def _best_starts(
+    kind: TableOfSize, cost: Float[np.ndarray, "spectra sets"], where: Int[np.ndarray, "spectra sets"]
+) -> Float[np.ndarray, "spectra kept four"]:
+    """Members and log amounts of the sets of one size that are kept, side by side."""
+    keep = len(kind.sets) if kind.sets.shape[1] == 1 else min(len(kind.sets), _KEPT_PAIRS)
+    best = np.argsort(cost, axis=1, kind="stable")[:, :keep]
+    logs = np.log(kind.grid[np.take_along_axis(where, best, axis=1)])
+    room = ((0, 0), (0, 0), (0, 2 - kind.sets.shape[1]))
+    members = np.pad(kind.sets[best], room, constant_values=NOBODY)
+    return np.concatenate([members, np.pad(logs, room)], axis=-1)
 
 
 def alike_grounds(
@@ -138,39 +87,58 @@ def alike_grounds(
     """Groups of spectra with nearly the same grounds: their numbers and their mean ground."""
     left, groups = np.arange(len(grounds)), []
     while left.size:
-        near = np.abs(grounds[left] - grounds[left[0]]).max(axis=(1, 2)) < _ALIKE
+        near = np.abs(grounds[left] - grounds[left[0]]).max(axis=(1, 2)) < ALIKE
         groups.append((left[near], grounds[left[near]].mean(axis=0)))
         left = left[~near]
     return groups
 
 
 def search_chunk(
-    task: IdentificationTask, measured: Measured, rows: Int[np.ndarray, "rows"], starts: list[SetStarts]
+    task: IdentificationTask, measured: Measured, rows: Int[np.ndarray, "rows"], starts: SetStarts
 ) -> Pool:
     """Fitted candidates of some spectra, at most `CHUNK`."""
     # Few sizes, so that little is compiled.
-    padded = np.resize(rows, CHUNK if len(rows) > 1 else 1)
+    padded = np.resize(rows, padded_size(len(rows)))
     some = measured.take(padded)
     ground = jnp.asarray(some.grounds, float)
-    weights = weights_of(task, some, alike_errors(task, some))
-    pool: Pool | None = None
-    last = None
-    for start in starts:
-        start = SetStarts(start.sets[padded], start.logs[padded])
-        last = start.sets, _fit(task, start, ground, weights)
-        pool = _add(pool, _pool(task, *last))
-    assert pool is not None
-    assert last is not None
+    ranking = _ranking(task, some)
+    start = SetStarts(starts.sets[padded], starts.logs[padded])
+    fitted = _fit(task, start, ranking)
+    pool = _pool(task, start.sets, fitted)
     if task.max_paints == 3 and task.known >= 3:
-        start, new = _grown(task, *last, some.readings, ground)
-        triples = _pool(task, start.sets, _fit(task, start, ground, weights))
+        pairs = slice(task.known, None)
+        start, new = _grown(
+            task, start.sets[:, pairs], jax.tree.map(lambda a: a[:, pairs], fitted), some.readings, ground
+        )
+        triples = _pool(task, start.sets, _fit(task, start, ranking))
         triples.log_weight[~new] = -np.inf
         pool = pool.merged(triples)
     looked_at = pool
-    pool = _nearest(task, _refined(task, pool, some, ground), some, ground)
+    pool = refined(task, pool, some)
     if task.layers == 2 and task.max_paints > 1 and task.known > 1:
+        weights = jax.tree.map(jnp.asarray, weights_of(task, _flat(some.readings), alike_errors(task, some)))
         pool = _stacked(task, pool, looked_at, some, ground, weights)
     return _with_surface(task, pool.of(np.arange(len(rows))), measured.take(rows))
+
+
+def padded_size(count: int) -> int:
+    """Spectra that so many are fitted as."""
+    return next(size for size in (1, 16, CHUNK) if count <= size)
+
+
+class _Ranking(NamedTuple):
+    """Grounds and errors of some spectra in few components and single precision, which only ranks."""
+
+    ground: jax.Array
+    weights: Weights
+
+
+def _ranking(task: IdentificationTask, some: Measured) -> _Ranking:
+    """Errors while candidates are ranked, in the components of the films over the first ground."""
+    project = task.tables.over(task, some.grounds.mean(axis=0)).project
+    weights = weights_of(task, _flat(some.readings), alike_errors(task, some, project))
+    small = jax.tree.map(lambda a: jnp.asarray(a, jnp.float32), (some.grounds, weights))
+    return _Ranking(*small)
 
 
 def _with_surface(task: IdentificationTask, pool: Pool, some: Measured) -> Pool:
@@ -192,90 +160,15 @@ def _with_surface(task: IdentificationTask, pool: Pool, some: Measured) -> Pool:
     return replace(pool, readings=seen, allowed=allowed, gloss=gloss, logs=pool.logs + np.log(task.prior.thickness))
 
 
-def _refined(task: IdentificationTask, pool: Pool, some: Measured, ground: jax.Array) -> Pool:
-    """The best of the pool fitted again with errors of each candidate's own, and the very best once more."""
-    many, few = _REFINED[task.max_paints]
-    pool = _refit(task, pool.best(many), some, ground)
-    order = np.argsort(-pool.log_weight, axis=1, kind="stable")
-    return _refit(task, pool.take(order[:, :few]), some, ground).merged(pool.take(order[:, few:]))
+def _fit(task: IdentificationTask, start: SetStarts, ranking: _Ranking) -> Fitted:
+    logs = jnp.asarray(np.clip(start.logs, np.log(LEAST), np.log(MOST)), jnp.float32)
+    films = task.tables.single(task)
+    return fit_sets(*films, jnp.asarray(start.sets), logs, *ranking, task.middle, steps=_STEPS)
 
 
-def _nearest(task: IdentificationTask, pool: Pool, some: Measured, ground: jax.Array) -> Pool:
-    """The pool with amounts that come near the readings, as a mixture is shown.
-
-    With errors of its paints' coefficients allowed, the most probable amounts may leave to those errors what other
-    amounts would meet: probabilities follow from that, but nobody would mix it.
-    """
-    d = task.discrepancy
-    # Errors that are not alike at neighbouring bands: a smooth one would be excused.
-    noise = fixed_errors(task, some, near_sd(some))
-    near = weights_of(task, some, whiten(noise, np.zeros_like(noise), d))
-    sets, logs = _sets_and_logs(pool)
-    moved = _moved(pool, fit_sets(task.response, task.paints, sets, logs, ground, near, task.middle))
-    slopes = np.asarray(coat_slopes(task.response, task.paints, *_sets_and_logs(moved), ground))
-    return _with_allowance(task, moved, some, slopes)
-
-
-def _with_allowance(task: IdentificationTask, pool: Pool, some: Measured, slopes: np.ndarray) -> Pool:
-    """The pool with readings moved as the errors of its paints' coefficients most probably move them to what was seen.
-
-    A film of the right paints is met once these are allowed for; one of others is not.
-    """
-    told = replace(task.discrepancy, coefficient=0.0, level=0.0)
-    free = (
-        paints_covariance(
-            slopes, pool.members[..., : slopes.shape[2] // 2], task.errors, task.modes, task.wavelengths, told
-        )
-        + fixed_errors(task, some, np.zeros_like(some.noise_sd))[:, None]
-    )
-    near = near_sd(some).reshape(len(some), 1, -1) ** 2
-    off = task.target(some.readings)[:, None] - pool.readings
-    pull = np.linalg.solve(free + near[..., None] * np.eye(near.shape[-1]), off[..., None])
-    return replace(pool, allowed=pool.readings + (free @ pull)[..., 0])
-
-
-def near_sd(some: Measured) -> Float[np.ndarray, "spectra grounds bands"]:
-    """What counts as near to each reading when amounts and gloss are shown."""
-    return np.hypot(some.noise_sd, _NEAR + _NEAR_SHARE * some.readings)
-
-
-def _refit(task: IdentificationTask, pool: Pool, some: Measured, ground: jax.Array) -> Pool:
-    """All of a pool, with the errors that its paints' coefficients cause where it stands."""
-    sets, logs = _sets_and_logs(pool)
-    slopes = np.asarray(coat_slopes(task.response, task.paints, sets, logs, ground))
-    weights = weights_of(task, some, own_errors(task, some, pool.members, slopes))
-    fitted = fit_sets(task.response, task.paints, sets, logs, ground, weights, task.middle, own=True)
-    # What was struck out stays so.
-    evidence = task.discrepancy.trust * np.asarray(fitted.log_evidence)
-    weight = np.where(np.isfinite(pool.log_weight), evidence + task.log_sets(pool.members), -np.inf)
-    spread = np.where(absent_pairs(pool.members), 0.0, np.asarray(fitted.covariance))
-    return replace(_moved(pool, fitted), covariance=spread, log_weight=weight)
-
-
-def _sets_and_logs(pool: Pool) -> tuple[jax.Array, jax.Array]:
-    """Paints and log amounts of a pool, as a fit starts from them."""
-    return jnp.asarray(pool.members), jnp.asarray(np.where(pool.members == NOBODY, 0.0, pool.logs), float)
-
-
-def _moved(pool: Pool, fitted: Fitted) -> Pool:
-    """The pool with the amounts and readings of a fit."""
-    logs = np.where(pool.members == NOBODY, -np.inf, np.asarray(fitted.logs))
-    return replace(pool, logs=logs, readings=np.asarray(fitted.readings))
-
-
-def absent_pairs(members: Int[np.ndarray, "*n 3"]) -> Bool[np.ndarray, "*n 3 3"]:
-    """Where a covariance belongs to a paint that is not there."""
-    absent = members == NOBODY
-    return absent[..., :, None] | absent[..., None, :]
-
-
-def _add(pool: Pool | None, more: Pool) -> Pool:
-    return more if pool is None else pool.merged(more)
-
-
-def _fit(task: IdentificationTask, start: SetStarts, ground: jax.Array, weights: Weights) -> Fitted:
-    logs = jnp.asarray(np.clip(start.logs, np.log(LEAST), np.log(MOST)), float)
-    return fit_sets(task.response, task.paints, jnp.asarray(start.sets), logs, ground, weights, task.middle)
+def _flat(spectra: Float[np.ndarray, "spectra grounds bands"]) -> Float[np.ndarray, "spectra readings"]:
+    """Readings over all grounds in one row."""
+    return spectra.reshape(len(spectra), -1)
 
 
 def _pool(
@@ -288,11 +181,11 @@ def _pool(
     return Pool(
         np.pad(sets, room, constant_values=NOBODY),
         np.pad(where, room),
-        np.pad(np.asarray(fitted.logs), room, constant_values=-np.inf),
-        np.pad(np.asarray(fitted.covariance), (*room, (0, 3 - size))),
-        task.discrepancy.trust * np.asarray(fitted.log_evidence) + task.log_sets(sets) + log_share,
-        np.asarray(fitted.readings),
-        np.asarray(fitted.readings),
+        np.pad(np.asarray(fitted.logs, float), room, constant_values=-np.inf),
+        np.pad(np.asarray(fitted.covariance, float), (*room, (0, 3 - size))),
+        task.discrepancy.trust * np.asarray(fitted.log_evidence, float) + task.log_sets(sets) + log_share,
+        np.asarray(fitted.readings, float),
+        np.asarray(fitted.readings, float),
         np.zeros(sets.shape[:2]),
         np.zeros(sets.shape[:2], dtype=np.int32),
     )
@@ -335,7 +228,10 @@ def _stacked(
         coats = np.broadcast_to(np.tile(ways, (keep, 1)), sets.shape)
         fitted, slopes = _fit_stacks(task, sets, coats, some, ground, weights)
         stacks = _pool(task, sets, fitted, coats, np.log(task.prior.stacked / len(ways)))
-        stacks = _with_allowance(task, stacks, some, slopes)
+        row = np.repeat(np.arange(len(some)), sets.shape[1])
+        groups = Groups(np.arange(len(row)), row, *(a.reshape(len(row), *a.shape[2:]) for a in (sets, slopes)))
+        near = allowed(task, some, row, stacks.readings.reshape(len(row), -1), groups)
+        stacks = replace(stacks, allowed=near.reshape(stacks.readings.shape))
         struck = ~np.isfinite(np.take_along_axis(weight, best, axis=1))
         stacks.log_weight[np.repeat(struck, len(ways), axis=1)] = -np.inf
         pool = pool.merged(stacks)
@@ -353,10 +249,14 @@ def _fit_stacks(
     """Stacks with errors of their own, and slopes near the fit."""
     films = task.paints, jnp.asarray(sets), jnp.asarray(coats)
     logs = stack_starts(*films, ground, weights, task.optics, task.middle)
+    row, count = np.repeat(np.arange(len(some)), sets.shape[1]), sets.shape[:2]
+    readings = np.broadcast_to(_flat(some.readings)[:, None], (*count, some.readings[0].size))
     fitted, slopes = None, None
     for _ in range(_ROUNDS):
         slopes = np.asarray(stack_slopes(*films, logs, ground, task.optics))
-        own = weights_of(task, some, own_errors(task, some, sets, slopes))
+        errors = own_errors(task, some, row, *(a.reshape(len(row), *a.shape[2:]) for a in (sets, slopes)))
+        errors = Whitening(*(a.reshape(*count, *a.shape[1:]) for a in (errors.basis, errors.height)))
+        own = jax.tree.map(jnp.asarray, weights_of(task, readings, errors))
         fitted = fit_stacks(*films, logs, ground, own, task.optics, task.middle)
         logs = fitted.logs
     assert fitted is not None

@@ -17,6 +17,7 @@ from ..film.noise import noise_of_each
 from ..film.optics import Optics
 from ..film.response import FilmResponse
 from .screen import Paints, sets_of
+from .table import FilmTables
 
 _TOO_BRIGHT = 1.5
 """Above this a reflectance is a mistake, such as percent; below, it may be a highlight or a calibration."""
@@ -177,6 +178,7 @@ class IdentificationTask(NamedTuple):
     extenders: Bool[np.ndarray, "paints"]  # those that a film of usual thickness hardly shows
     max_paints: int
     layers: int
+    tables: FilmTables  # of this task alone
 
     @property
     def known(self) -> int:

@@ -13,8 +13,9 @@ from jaxtyping import Float, Int
 from ..film.response import FilmResponse
 from ..film.varnish import varnished, without_varnish, yellow
 from .conditions import CONDITIONS, NOT_OPAQUE, OTHER_GROUNDS, VARNISHES
+from .own_errors import independent
 from .result import Pool
-from .search import first_starts, independent, pieces, search_chunk
+from .search import first_starts, pieces, search_chunk
 from .task import IdentificationTask, Measured
 from .weigh import Odds, odds_of
 

@@ -1,0 +1,278 @@
+"""The best candidates fitted again, with the errors that their own paints' coefficients cause.
+
+Errors go with a film: how large it is, and how well its paints are known. Candidates of one spectrum that have the same
+paints but for traces share them: most of what comes near a film is the right paint with a trace of another. So errors
+are worked out once for each group, where its best candidate stands, and again where that has moved to.
+"""
+
+from dataclasses import dataclass, fields, replace
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ..film.errors import (
+    Whitening,
+    further_covariance,
+    model_covariance,
+    noise_covariance,
+    paints_covariance,
+    whiten,
+)
+from .fit import Fitted, Weights, block_size, by_blocks, film_slopes, fit_films
+from .result import NOBODY, Pool
+from .task import IdentificationTask, Measured
+
+# Candidates that are looked at closer, by the largest size of a set.
+_KEPT = {1: 20, 2: 32, 3: 40}
+# Log weights by which they may stay behind the best: with errors common to all, with those of a group, to be shown.
+_BEHIND, _CLOSE, _SHOWN = 8.0, 6.0, 8.0
+# What a paint's k and s do to the readings, root mean square per unit of their logarithm, below which it is a trace.
+_TRACE = 0.01
+# Damped steps.
+_FIRST, _AGAIN, _NEAR = 6, 4, 6
+# What counts as near when amounts are shown: near black, and for each unit of reflectance.
+_NEAR_BLACK, _NEAR_SHARE = 0.005, 0.02
+
+
+@dataclass(frozen=True)
+class _Films:
+    """Candidates of several spectra in one row."""
+
+    row: Int[np.ndarray, "films"]  # of the spectrum
+    place: Int[np.ndarray, "films"]  # in the pool
+    sets: Int[np.ndarray, "films size"]
+    logs: Float[np.ndarray, "films size"]
+    covariance: Float[np.ndarray, "films size size"]
+    log_weight: Float[np.ndarray, "films"]
+    readings: Float[np.ndarray, "films readings"]
+
+    @classmethod
+    def of(cls, pool: Pool, chosen: Bool[np.ndarray, "spectra candidates"], size: int) -> "_Films":
+        """Those of a pool that are chosen."""
+        row, place = np.nonzero(chosen)
+        at = row, place
+        sets = pool.members[at][:, :size]
+        logs = np.where(sets == NOBODY, 0.0, pool.logs[at][:, :size])
+        covariance = pool.covariance[at][:, :size, :size]
+        return cls(row, place, sets, logs, covariance, pool.log_weight[at], pool.readings[at])
+
+    def take(self, films: np.ndarray) -> "_Films":
+        """Some of them."""
+        return type(self)(*(getattr(self, f.name)[films] for f in fields(self)))
+
+    def with_those(self, films: np.ndarray, others: "_Films") -> "_Films":
+        """These, with others in the place of some."""
+        parts = [getattr(self, f.name).copy() for f in fields(self)]
+        for part, f in zip(parts, fields(self), strict=True):
+            part[films] = getattr(others, f.name)
+        return type(self)(*parts)
+
+    def behind(self) -> Float[np.ndarray, "films"]:
+        """Log weight by which each stays behind the best of its spectrum."""
+        best = np.full(self.row.max() + 1, -np.inf)
+        np.maximum.at(best, self.row, self.log_weight)
+        return best[self.row] - self.log_weight
+
+
+class Groups(NamedTuple):
+    """Films that stand for all with the same paints but for traces."""
+
+    of: Int[np.ndarray, "films"]  # group of each film
+    row: Int[np.ndarray, "groups"]  # spectrum
+    sets: Int[np.ndarray, "groups size"]
+    slopes: Float[np.ndarray, "groups errors readings"]
+
+
+def refined(task: IdentificationTask, pool: Pool, some: Measured) -> Pool:
+    """The best of a pool with errors of their own, and with amounts that come near the readings, as a mixture is shown.
+
+    Those far behind have a weight of -inf. With errors of its paints' coefficients allowed, the most probable amounts
+    may leave to those errors what other amounts would meet: probabilities follow from that, but nobody would mix it.
+    """
+    pool = pool.best(_KEPT[task.max_paints])
+    size = max(task.max_paints, 2)
+    behind = pool.log_weight.max(axis=1, keepdims=True) - pool.log_weight
+    films = _Films.of(pool, np.isfinite(pool.log_weight) & (behind <= _BEHIND), size)
+    films, groups = _weighed(task, some, films, _FIRST)
+    close = np.flatnonzero(films.behind() <= _CLOSE)
+    again, more = _weighed(task, some, films.take(close), _AGAIN)
+    films, group = films.with_those(close, again), groups.of.copy()
+    group[close] = more.of + len(groups.row)
+    groups = Groups(group, *(np.concatenate(both) for both in zip(groups[1:], more[1:], strict=True)))
+    shown = np.flatnonzero(films.behind() <= _SHOWN)
+    films = films.take(shown)
+    near = _nearest(task, some, films)
+    out = replace(pool, log_weight=np.full_like(pool.log_weight, -np.inf), allowed=pool.readings.copy())
+    at = films.row, films.place
+    out.log_weight[at] = films.log_weight
+    out.covariance[at] = 0.0
+    out.covariance[(*at, slice(size), slice(size))] = films.covariance
+    out.logs[(*at, slice(size))] = np.where(films.sets == NOBODY, -np.inf, near.logs)
+    out.readings[at] = near.readings
+    out.allowed[at] = allowed(task, some, near.row, near.readings, groups._replace(of=group[shown]))
+    return out
+
+
+def _grouped(task: IdentificationTask, some: Measured, films: _Films) -> Groups:
+    """Films by their paints but for traces; the most probable of each group stands for it."""
+    slopes = slopes_of(task, some, films.row, films.sets, films.logs)
+    size = films.sets.shape[1]
+    effect = np.sqrt(np.mean(slopes**2, axis=-1))
+    effect = np.hypot(effect[:, :size], effect[:, size:])
+    counts = (effect > _TRACE) | (effect == effect.max(axis=1, keepdims=True))
+    main = np.sort(np.where(counts, films.sets, NOBODY), axis=1)
+    key = films.row.astype(np.int64)
+    for paint in main.T:
+        key = key * (task.known + 1) + (paint + 1)
+    order = np.argsort(-films.log_weight, kind="stable")
+    _, first, of = np.unique(key[order], return_index=True, return_inverse=True)
+    best = order[first]
+    group = np.empty(len(key), dtype=np.int64)
+    group[order] = of
+    return Groups(group, films.row[best], films.sets[best], slopes[best])
+
+
+def _weighed(task: IdentificationTask, some: Measured, films: _Films, steps: int) -> tuple[_Films, Groups]:
+    """Films fitted again with the errors of their groups, and these."""
+    groups = _grouped(task, some, films)
+    errors = own_errors(task, some, groups.row, groups.sets, groups.slopes)
+    readings = some.readings.reshape(len(some), -1)[films.row]
+    weights = weights_of(task, readings, Whitening(errors.basis, errors.height[groups.of]))
+    fitted = _fitted(task, some, films, weights, groups.of, steps)
+    log_weight = task.discrepancy.trust * fitted.log_evidence + task.log_sets(films.sets)
+    spread = np.where(absent_pairs(films.sets), 0.0, fitted.covariance)
+    films = replace(films, logs=fitted.logs, covariance=spread, log_weight=log_weight, readings=fitted.readings)
+    return films, groups
+
+
+def _fitted(
+    task: IdentificationTask,
+    some: Measured,
+    films: _Films,
+    weights: Weights,
+    basis: Int[np.ndarray, "films"],
+    steps: int,
+) -> Fitted:
+    """Films fitted with weights of their own, where `basis` says which of the bases is each one's."""
+    alike = weights.basis
+
+    def run(n: np.ndarray) -> Fitted:
+        own = weights._replace(basis=n)
+        own = Weights(*(jnp.asarray(alike[basis[n]] if a is n else a[n]) for a in own))
+        films_there = (jnp.asarray(a[n]) for a in (films.sets, films.logs, some.grounds[films.row]))
+        return fit_films(task.response, task.paints, *films_there, own, task.middle, jnp.asarray(steps))
+
+    return by_blocks(len(films.row), block_size(alike.shape[-1]), run)
+
+
+def _nearest(task: IdentificationTask, some: Measured, films: _Films) -> _Films:
+    """The films with amounts that come near the readings."""
+    # Errors that are not alike at neighbouring bands: a smooth one would be excused.
+    noise = fixed_errors(task, some, near_sd(some))
+    errors = whiten(noise, np.zeros_like(noise), task.discrepancy)
+    readings = some.readings.reshape(len(some), -1)[films.row]
+    weights = weights_of(task, readings, Whitening(errors.basis, errors.height[films.row]))
+    fitted = _fitted(task, some, films, weights, films.row, _NEAR)
+    return replace(films, logs=fitted.logs, readings=fitted.readings)
+
+
+def allowed(
+    task: IdentificationTask,
+    some: Measured,
+    row: Int[np.ndarray, "films"],
+    readings: Float[np.ndarray, "films readings"],
+    groups: Groups,
+) -> Float[np.ndarray, "films readings"]:
+    """Readings moved as the errors of their paints' coefficients most probably move them to what was seen.
+
+    A film of the right paints is met once these are allowed for; one of others is not.
+
+    Args:
+        task: what all share.
+        some: the spectra.
+        row: spectrum of each film.
+        readings: of each film, without the surface.
+        groups: of the films.
+    """
+    free = stated_errors(task, groups.sets, groups.slopes)
+    free = free + fixed_errors(task, some, np.zeros_like(some.noise_sd))[groups.row]
+    near = near_sd(some).reshape(len(some), -1)[groups.row] ** 2
+    gain = free @ np.linalg.inv(free + near[..., None] * np.eye(near.shape[-1]))
+    off = task.target(some.readings)[row] - readings
+    return readings + np.einsum("fij,fj->fi", gain[groups.of], off)
+
+
+def slopes_of(
+    task: IdentificationTask,
+    some: Measured,
+    row: Int[np.ndarray, "films"],
+    sets: Int[np.ndarray, "films size"],
+    logs: Float[np.ndarray, "films size"],
+) -> Float[np.ndarray, "films errors readings"]:
+    """Slopes of films' readings by the log of every paint's k, then s; `row` is each one's spectrum."""
+
+    def run(n: np.ndarray) -> jnp.ndarray:
+        films = (jnp.asarray(a[n]) for a in (sets, logs, some.grounds[row]))
+        return film_slopes(task.response, task.paints, *films)
+
+    return by_blocks(len(row), block_size(some.readings[0].size), run)
+
+
+def stated_errors(
+    task: IdentificationTask, sets: Int[np.ndarray, "films size"], slopes: Float[np.ndarray, "films errors readings"]
+) -> Float[np.ndarray, "films readings readings"]:
+    """Covariance of readings from what the pigments say of their errors."""
+    told = replace(task.discrepancy, coefficient=0.0, level=0.0)
+    return paints_covariance(slopes, sets, task.errors, task.modes, task.wavelengths, told)
+
+
+def own_errors(
+    task: IdentificationTask,
+    some: Measured,
+    row: Int[np.ndarray, "films"],
+    sets: Int[np.ndarray, "films size"],
+    slopes: Float[np.ndarray, "films errors readings"],
+) -> Whitening:
+    """Errors of films, from what their paints' coefficients do to the readings; `row` is each one's spectrum."""
+    d = task.discrepancy
+    off = d.amplitude + d.share * some.readings.reshape(len(some), -1)
+    model = model_covariance(task.wavelengths, some.readings.shape[1], d, off)
+    fixed = fixed_errors(task, some, some.noise_sd)
+    further = further_covariance(slopes, task.wavelengths, d)
+    return whiten(fixed[row], model[row] + stated_errors(task, sets, slopes) + further, d)
+
+
+def fixed_errors(
+    task: IdentificationTask, some: Measured, noise_sd: Float[np.ndarray, "spectra grounds bands"]
+) -> Float[np.ndarray, "spectra readings readings"]:
+    """Covariance of noise, of the surface's reflection and of what else is in doubt about the readings."""
+    doubt = some.doubt.reshape(*some.doubt.shape[:2], some.readings[0].size)
+    return noise_covariance(noise_sd, task.surface, task.discrepancy) + np.swapaxes(doubt, 1, 2) @ doubt
+
+
+def weights_of(
+    task: IdentificationTask, readings: Float[np.ndarray, "*n readings"], errors: Whitening
+) -> Weights:
+    """Errors and prior of spectra, or of candidates, from readings with the surface's part."""
+    freedom = task.discrepancy.freedom or 0.0
+    numbers = (task.prior.spread, task.prior.concentration, freedom, min(independent(task), readings.shape[-1]))
+    alike = (np.full(readings.shape[:-1], float(value)) for value in numbers)
+    return Weights(readings - task.discrepancy.gloss * task.surface, errors.basis, errors.height, *alike)
+
+
+def independent(task: IdentificationTask) -> float:
+    """Readings that count as independent where candidates are weighed; see `Discrepancy.apart`."""
+    return max(float(np.ptp(task.wavelengths)) / task.discrepancy.apart, 1.0)
+
+
+def near_sd(some: Measured) -> Float[np.ndarray, "spectra grounds bands"]:
+    """What counts as near to each reading when amounts and gloss are shown."""
+    return np.hypot(some.noise_sd, _NEAR_BLACK + _NEAR_SHARE * some.readings)
+
+
+def absent_pairs(members: Int[np.ndarray, "*n size"]) -> Bool[np.ndarray, "*n size size"]:
+    """Where a covariance belongs to a paint that is not there."""
+    absent = members == NOBODY
+    return absent[..., :, None] | absent[..., None, :]

@@ -1,0 +1,160 @@
+"""A catalogue's films in a table, each as a few numbers, so that spectra are compared with all of them at once.
+
+What films read varies smoothly with the wavelength and with their amounts: in the units of common errors some twenty
+numbers tell two films apart as far as a ranking needs. A spectrum is compared with all films of a table by one product
+of matrices in single precision; the best of them are then fitted.
+"""
+
+import threading
+from typing import TYPE_CHECKING, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float, Int
+
+from ..film.response import FilmResponse
+from .screen import Paints, amounts_grid, film_readings, sets_of
+
+if TYPE_CHECKING:
+    from .task import IdentificationTask
+
+COMPONENTS = 20
+"""Numbers that stand for a film's readings while sets are ranked."""
+_FILMS_AT_A_TIME = 4096
+_SPECTRA_AT_A_TIME = 128
+_read = jax.jit(film_readings)
+ALIKE = 0.04
+"""Grounds that differ by less share a table; each film is then fitted with its own."""
+_TABLES = 8
+
+
+class TableOfSize(NamedTuple):
+    """Films of all sets of one size."""
+
+    sets: Int[np.ndarray, "sets size"]
+    grid: Float[np.ndarray, "points size"]  # amounts of each paint
+    films: Float[np.ndarray, "components films"]  # single precision, set by set
+    square: Float[np.ndarray, "films"]
+
+
+class FilmTable(NamedTuple):
+    """Films over one ground.
+
+    Attributes:
+        project: from readings to components; errors of unit covariance stay so.
+        middle: components of the mean film.
+        sizes: films of one paint, of two paints.
+    """
+
+    project: Float[np.ndarray, "components readings"]
+    middle: Float[np.ndarray, "components"]
+    sizes: tuple[TableOfSize, ...]
+
+    def nearest(
+        self, target: Float[np.ndarray, "spectra readings"]
+    ) -> list[tuple[Float[np.ndarray, "spectra sets"], Int[np.ndarray, "spectra sets"]]]:
+        """Least squared misfit of each set over its amounts, in the units of the errors, and the grid point of it.
+
+        Args:
+            target: spectra without the mean surface.
+        """
+        spectra = (target @ self.project.T - self.middle).astype(np.float32)
+        alone = np.sum(spectra**2, axis=-1)
+        out = []
+        for kind in self.sizes:
+            cost = np.empty((len(spectra), len(kind.sets)), np.float32)
+            where = np.empty(cost.shape, np.int64)
+            for first in range(0, len(spectra), _SPECTRA_AT_A_TIME):
+                some = slice(first, first + _SPECTRA_AT_A_TIME)
+                each = (kind.square - 2.0 * (spectra[some] @ kind.films)).reshape(-1, len(kind.sets), len(kind.grid))
+                where[some] = np.argmin(each, axis=-1)
+                cost[some] = np.take_along_axis(each, where[some][..., None], axis=-1)[..., 0] + alone[some, None]
+            out.append((cost, where))
+        return out
+
+
+def film_table(
+    response: FilmResponse,
+    paints: Paints,
+    largest: int,
+    spread: float,
+    ground: Float[np.ndarray, "grounds bands"],
+    white: Float[np.ndarray, "readings readings"],
+) -> FilmTable:
+    """Films of all sets of one paint, and of two if `largest` is more than one.
+
+    Args:
+        response: of the instrument.
+        paints: of the catalogue.
+        largest: set that is looked for.
+        spread: standard deviation of the log of a film's total.
+        ground: internal reflectance under the films.
+        white: W, so that errors common to all films are |W r|^2.
+    """
+    sizes = range(1, min(largest, 2, len(paints.absorption)) + 1)
+    kinds = [(sets_of(len(paints.absorption), size), amounts_grid(size, spread)) for size in sizes]
+    project, middle = np.eye(ground.size), np.zeros(ground.size)
+    if ground.size > COMPONENTS:
+        some = [_films(response, paints, _pieces(*kind, spaced=True)[0], kind[1], ground) for kind in kinds]
+        films = np.concatenate(some) @ white.T
+        middle = films.mean(axis=0)
+        off = films - middle
+        # The directions in which films differ most.
+        project = np.linalg.eigh(off.T @ off)[1][:, : -COMPONENTS - 1 : -1].T
+    whole, middle = project @ white, project @ middle
+    tables = []
+    for sets, grid in kinds:
+        parts = [_films(response, paints, some, grid, ground) @ whole.T - middle for some in _pieces(sets, grid)]
+        films = np.concatenate(parts)[: len(sets) * len(grid)].astype(np.float32)
+        tables.append(TableOfSize(sets, grid, np.ascontiguousarray(films.T), np.sum(films**2, axis=-1)))
+    return FilmTable(whole, middle, tuple(tables))
+
+
+def _pieces(
+    sets: Int[np.ndarray, "sets size"], grid: Float[np.ndarray, "points size"], spaced: bool = False
+) -> list[Int[np.ndarray, "some size"]]:
+    """All sets, a few at a time, or as many from all of them; always as many, so that one program is compiled."""
+    step = max(1, _FILMS_AT_A_TIME // len(grid))
+    if spaced:
+        return [sets[np.linspace(0, len(sets) - 1, step).astype(int)]]
+    return [np.resize(sets[first : first + step], (step, sets.shape[1])) for first in range(0, len(sets), step)]
+
+
+def _films(
+    response: FilmResponse,
+    paints: Paints,
+    sets: Int[np.ndarray, "sets size"],
+    grid: Float[np.ndarray, "points size"],
+    ground: Float[np.ndarray, "grounds bands"],
+) -> Float[np.ndarray, "films readings"]:
+    """Readings of every set at every point of the grid, set by set."""
+    amounts = jnp.asarray(np.broadcast_to(grid, (len(sets), *grid.shape)), float)
+    read = _read(response, paints, jnp.asarray(sets), amounts, jnp.asarray(ground, float))
+    return np.asarray(read).reshape(-1, ground.size)
+
+
+class FilmTables:
+    """Tables of one task, over the grounds that were asked for last; and what it fits with, in single precision."""
+
+    def __init__(self) -> None:
+        self._kept: list[tuple[np.ndarray, FilmTable]] = []
+        self._single: tuple[FilmResponse, Paints] | None = None
+        self._lock = threading.Lock()
+
+    def over(self, task: "IdentificationTask", ground: Float[np.ndarray, "grounds bands"]) -> FilmTable:
+        """Films over a ground, or one that hardly differs."""
+        with self._lock:
+            for known, table in self._kept:
+                if known.shape == ground.shape and np.abs(known - ground).max() < ALIKE:
+                    return table
+            white = task.common_whitening(len(ground))
+            table = film_table(task.response, task.paints, task.max_paints, task.prior.spread, ground, white)
+            self._kept = [(ground, table), *self._kept[: _TABLES - 1]]
+            return table
+
+    def single(self, task: "IdentificationTask") -> tuple[FilmResponse, Paints]:
+        """The instrument's response and the paints in single precision."""
+        if self._single is None:
+            self._single = jax.tree.map(lambda a: a.astype(jnp.float32), (task.response, task.paints))
+        return self._single
