@@ -71,9 +71,34 @@ class FilmResponse(Response):
         """Black, gain and back of films, each (...), from k d and s d, (...), >= 0."""
         row, row_weights = _locate(absorption, HIGHEST[0])
         column, column_weights = _locate(scattering, HIGHEST[1])
-        patch = self.patches[row * (_NODES - 1) + column]
-        values = jnp.einsum("...ijc,...i,...j->...c", patch, row_weights, column_weights)
+        patch = self.patches.at[row * (_NODES - 1) + column].get(mode="promise_in_bounds")
+        # A sum of products: XLA on the CPU takes six times as long for the same as an einsum.
+        weights = row_weights[..., :, None] * column_weights[..., None, :]
+        values = jnp.sum(patch * weights[..., None], axis=(-3, -2))
         return values[..., 0], values[..., 1], values[..., 2]
+
+    def body_and_slopes(
+        self, absorption: Float[Array, "*batch"], scattering: Float[Array, "*batch"], ground: Float[Array, "*#batch"]
+    ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"], Float[Array, "*batch"]]:
+        """`body`, and its derivatives by k d and by s d: all from one look at the table, twice as fast as tangents.
+
+        Args:
+            absorption, scattering: optical thicknesses, (...), >= 0.
+            ground: internal reflectance, broadcast against them.
+        """
+        row, over, over_slope = _weighted(absorption, HIGHEST[0])
+        column, across, across_slope = _weighted(scattering, HIGHEST[1])
+        patch = self.patches.at[row * (_NODES - 1) + column].get(mode="promise_in_bounds")
+        along, along_slope = (jnp.sum(patch * a[..., None, :, None], axis=-2) for a in (across, across_slope))
+        parts = ((along, over), (along, over_slope), (along_slope, over))
+        values, by_k, by_s = (jnp.sum(a * b[..., None], axis=-2) for a, b in parts)
+        black, gain, back = (values[..., n] for n in range(3))
+        seen = ground / (1.0 - back * ground)
+
+        def slope(off: Array) -> Array:
+            return off[..., 0] + off[..., 1] * seen + gain * seen**2 * off[..., 2]
+
+        return black + gain * seen, slope(by_k), slope(by_s)
 
     def body(self, absorption: ArrayLike, scattering: ArrayLike, ground: ArrayLike) -> Float[Array, "*batch"]:
         """Reflectance without the outer surface's part, (...).
@@ -97,13 +122,34 @@ def _locate(
     thickness: Float[Array | np.ndarray, "*batch"], highest: float
 ) -> tuple[Int[Array, "*batch"], Float[Array, "*batch 4"]]:
     """Cell and the four cubic B-spline weights of each value."""
-    place = jnp.log1p(thickness / _BEND) * float((_NODES - 1) / np.log1p(highest / _BEND))
-    place = jnp.clip(place, 0.0, _NODES - 1)
-    cell = jnp.minimum(jnp.floor(jax.lax.stop_gradient(place)), _NODES - 2)
-    t = place - cell
-    near, far = 1.0 - t, t
+    cell, near, far = _place(thickness, highest)
     weights = (near**3, 4.0 - 6.0 * far**2 + 3.0 * far**3, 4.0 - 6.0 * near**2 + 3.0 * near**3, far**3)
-    return cell.astype(jnp.int32), jnp.stack(weights, axis=-1) / 6.0
+    return cell, jnp.stack(weights, axis=-1) / 6.0
+
+
+def _weighted(
+    thickness: Float[Array, "*batch"], highest: float
+) -> tuple[Int[Array, "*batch"], Float[Array, "*batch 4"], Float[Array, "*batch 4"]]:
+    """Cell, weights and the derivatives of the weights by the optical thickness; 0 beyond the table."""
+    cell, near, far = _place(thickness, highest)
+    slopes = (-(near**2), far * (3.0 * far - 4.0), near * (4.0 - 3.0 * near), far**2)
+    scale = jnp.where(thickness < highest, 0.5 * _scale(highest) / (_BEND + thickness), 0.0)
+    return cell, _locate(thickness, highest)[1], jnp.stack(slopes, axis=-1) * scale[..., None]
+
+
+def _scale(highest: float) -> float:
+    """Cells for each unit of the logarithm."""
+    return float((_NODES - 1) / np.log1p(highest / _BEND))
+
+
+def _place(
+    thickness: Float[Array | np.ndarray, "*batch"], highest: float
+) -> tuple[Int[Array, "*batch"], Float[Array, "*batch"], Float[Array, "*batch"]]:
+    """Cell of each value, and how far it lies from the cell's upper and from its lower end."""
+    place = jnp.clip(jnp.log1p(thickness / _BEND) * _scale(highest), 0.0, _NODES - 1)
+    cell = jnp.minimum(jnp.floor(jax.lax.stop_gradient(place)), _NODES - 2)
+    far = place - cell
+    return cell.astype(jnp.int32), 1.0 - far, far
 
 
 def film_response(geometry: Geometry, refractive_index: float = 1.5) -> FilmResponse:

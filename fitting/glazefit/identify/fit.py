@@ -132,20 +132,11 @@ def coat_model(response: FilmResponse, k: Array, s: Array, ground: Array) -> Mod
     """Model of one coat of paints of these optical thicknesses, (size, bands)."""
 
     def model(amounts: Array) -> tuple[Array, Array]:
-        readings, by_k, by_s = _readings_and_slopes(response, amounts @ k, amounts @ s, ground)
+        readings, by_k, by_s = response.body_and_slopes(amounts @ k, amounts @ s, ground)
         slopes = amounts[:, None, None] * (k[:, None, :] * by_k + s[:, None, :] * by_s)
         return readings.reshape(-1), slopes.reshape(amounts.shape[0], -1)
 
     return model
-
-
-def _readings_and_slopes(
-    response: FilmResponse, kd: Float[Array, "bands"], sd: Float[Array, "bands"], ground: Float[Array, "grounds bands"]
-) -> tuple[Array, Array, Array]:
-    """Readings of one film, and their slopes by k d and by s d at the same band, (grounds, bands) each."""
-    seen, unit, none = functools.partial(response.body, ground=ground), jnp.ones_like(kd), jnp.zeros_like(kd)
-    readings, by_k = jax.jvp(seen, (kd, sd), (unit, none))
-    return readings, by_k, jax.jvp(seen, (kd, sd), (none, unit))[1]
 
 
 @functools.partial(jax.jit, static_argnames=("middle", "steps"))
@@ -223,7 +214,7 @@ def film_slopes(
     def film(members: Array, logs: Array, ground: Array) -> Array:
         amounts = jnp.where(members >= 0, jnp.exp(logs), 0.0)[:, None]
         parts = amounts * paints.absorption[members], amounts * paints.scattering[members]
-        _, by_k, by_s = _readings_and_slopes(response, parts[0].sum(axis=0), parts[1].sum(axis=0), ground)
+        _, by_k, by_s = response.body_and_slopes(parts[0].sum(axis=0), parts[1].sum(axis=0), ground)
         slopes = jnp.concatenate([parts[0][:, None] * by_k, parts[1][:, None] * by_s])
         return slopes.reshape(slopes.shape[0], -1)
 

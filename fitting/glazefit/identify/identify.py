@@ -25,16 +25,16 @@ from ..film.errors import (
 from ..film.films import Films, Instrument, Noise, cards
 from ..film.optics import Optics
 from ..film.response import film_response
-from .result import Identification, Pool
+from .result import Identification
 from .screen import paints_of
-from .search import first_starts, pieces, search_chunk
+from .search import CHUNK, first_starts, pieces, search
 from .table import FilmTables
 from .task import IdentificationTask, check_pigments, check_spectra, hiding
 from .untold import search_untold
 from .weigh import weigh
 
 # Spectra whose doubtful ones are sought again together: a few in each chunk would cost as much as all of it.
-_TOGETHER = 256
+_TOGETHER = 4 * CHUNK
 
 
 def identify_chunks(
@@ -110,7 +110,7 @@ def identify_chunks(
     starts = first_starts(tasks[told], measured)
     paints = tuple(pigment.name for pigment in known)
     for together in pieces(np.arange(len(measured)), _TOGETHER):
-        pool = Pool.joined([search_chunk(tasks[told], measured, some, starts) for some in pieces(together)])
+        pool = search(tasks[told], measured, together, starts)
         some = measured.take(together)
         yield weigh(some, *search_untold(tasks, told, some, pool), paints, told, keep)
 

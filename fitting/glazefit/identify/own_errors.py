@@ -30,8 +30,10 @@ _KEPT = {1: 20, 2: 32, 3: 40}
 _BEHIND, _CLOSE, _SHOWN = 8.0, 6.0, 8.0
 # What a paint's k and s do to the readings, root mean square per unit of their logarithm, below which it is a trace.
 _TRACE = 0.01
+# How far that may be from where errors were worked out.
+_MOVED = 0.001
 # Damped steps.
-_FIRST, _AGAIN, _NEAR = 6, 4, 6
+_FIRST, _AGAIN, _NEAR = 5, 4, 6
 # What counts as near when amounts are shown: near black, and for each unit of reflectance.
 _NEAR_BLACK, _NEAR_SHARE = 0.005, 0.02
 
@@ -84,6 +86,17 @@ class Groups(NamedTuple):
     sets: Int[np.ndarray, "groups size"]
     slopes: Float[np.ndarray, "groups errors readings"]
 
+    def take(self, films: np.ndarray) -> "Groups":
+        """Those of some films."""
+        used, of = np.unique(self.of[films], return_inverse=True)
+        return Groups(of, *(part[used] for part in self[1:]))
+
+    def with_those(self, films: np.ndarray, others: "Groups") -> "Groups":
+        """These, with others for some films."""
+        of = self.of.copy()
+        of[films] = others.of + len(self.row)
+        return Groups(of, *(np.concatenate(both) for both in zip(self[1:], others[1:], strict=True)))
+
 
 def refined(task: IdentificationTask, pool: Pool, some: Measured) -> Pool:
     """The best of a pool with errors of their own, and with amounts that come near the readings, as a mixture is shown.
@@ -95,14 +108,14 @@ def refined(task: IdentificationTask, pool: Pool, some: Measured) -> Pool:
     size = max(task.max_paints, 2)
     behind = pool.log_weight.max(axis=1, keepdims=True) - pool.log_weight
     films = _Films.of(pool, np.isfinite(pool.log_weight) & (behind <= _BEHIND), size)
-    films, groups = _weighed(task, some, films, _FIRST)
-    close = np.flatnonzero(films.behind() <= _CLOSE)
-    again, more = _weighed(task, some, films.take(close), _AGAIN)
-    films, group = films.with_those(close, again), groups.of.copy()
-    group[close] = more.of + len(groups.row)
-    groups = Groups(group, *(np.concatenate(both) for both in zip(groups[1:], more[1:], strict=True)))
+    films, groups = _weighed(task, some, films, _slopes_of(task, some, films), _FIRST)
+    slopes = _slopes_of(task, some, films)
+    close = np.flatnonzero((films.behind() <= _CLOSE) & (_apart(films.sets, slopes, groups) > _MOVED))
+    if close.size:
+        again, more = _weighed(task, some, films.take(close), slopes[close], _AGAIN)
+        films, groups = films.with_those(close, again), groups.with_those(close, more)
     shown = np.flatnonzero(films.behind() <= _SHOWN)
-    films = films.take(shown)
+    films, groups = films.take(shown), groups.take(shown)
     near = _nearest(task, some, films)
     out = replace(pool, log_weight=np.full_like(pool.log_weight, -np.inf), allowed=pool.readings.copy())
     at = films.row, films.place
@@ -111,13 +124,12 @@ def refined(task: IdentificationTask, pool: Pool, some: Measured) -> Pool:
     out.covariance[(*at, slice(size), slice(size))] = films.covariance
     out.logs[(*at, slice(size))] = np.where(films.sets == NOBODY, -np.inf, near.logs)
     out.readings[at] = near.readings
-    out.allowed[at] = allowed(task, some, near.row, near.readings, groups._replace(of=group[shown]))
+    out.allowed[at] = allowed(task, some, near.row, near.readings, groups)
     return out
 
 
-def _grouped(task: IdentificationTask, some: Measured, films: _Films) -> Groups:
+def _grouped(task: IdentificationTask, films: _Films, slopes: Float[np.ndarray, "films errors readings"]) -> Groups:
     """Films by their paints but for traces; the most probable of each group stands for it."""
-    slopes = slopes_of(task, some, films.row, films.sets, films.logs)
     size = films.sets.shape[1]
     effect = np.sqrt(np.mean(slopes**2, axis=-1))
     effect = np.hypot(effect[:, :size], effect[:, size:])
@@ -134,9 +146,32 @@ def _grouped(task: IdentificationTask, some: Measured, films: _Films) -> Groups:
     return Groups(group, films.row[best], films.sets[best], slopes[best])
 
 
-def _weighed(task: IdentificationTask, some: Measured, films: _Films, steps: int) -> tuple[_Films, Groups]:
+def _apart(
+    sets: Int[np.ndarray, "films size"], slopes: Float[np.ndarray, "films errors readings"], groups: Groups
+) -> Float[np.ndarray, "films"]:
+    """How far slopes of films are from those of their groups, root mean square of the largest."""
+    size = sets.shape[1]
+    theirs, alike = groups.sets[groups.of], groups.slopes[groups.of]
+    most = np.zeros(len(sets))
+    for paint in range(size):
+        here = sets[:, paint, None] == theirs
+        same = (here & (theirs != NOBODY)).any(axis=1)[:, None]
+        at = np.argmax(here, axis=1)
+        for part in (0, size):
+            off = slopes[:, paint + part] - np.where(same, alike[np.arange(len(sets)), at + part], 0.0)
+            most = np.maximum(most, np.sqrt(np.mean(off**2, axis=-1)))
+    return most
+
+
+def _weighed(
+    task: IdentificationTask,
+    some: Measured,
+    films: _Films,
+    slopes: Float[np.ndarray, "films errors readings"],
+    steps: int,
+) -> tuple[_Films, Groups]:
     """Films fitted again with the errors of their groups, and these."""
-    groups = _grouped(task, some, films)
+    groups = _grouped(task, films, slopes)
     errors = own_errors(task, some, groups.row, groups.sets, groups.slopes)
     readings = some.readings.reshape(len(some), -1)[films.row]
     weights = weights_of(task, readings, Whitening(errors.basis, errors.height[groups.of]))
@@ -204,20 +239,14 @@ def allowed(
     return readings + np.einsum("fij,fj->fi", gain[groups.of], off)
 
 
-def slopes_of(
-    task: IdentificationTask,
-    some: Measured,
-    row: Int[np.ndarray, "films"],
-    sets: Int[np.ndarray, "films size"],
-    logs: Float[np.ndarray, "films size"],
-) -> Float[np.ndarray, "films errors readings"]:
-    """Slopes of films' readings by the log of every paint's k, then s; `row` is each one's spectrum."""
+def _slopes_of(task: IdentificationTask, some: Measured, films: _Films) -> Float[np.ndarray, "films errors readings"]:
+    """Slopes of films' readings by the log of every paint's k, then s."""
 
     def run(n: np.ndarray) -> jnp.ndarray:
-        films = (jnp.asarray(a[n]) for a in (sets, logs, some.grounds[row]))
-        return film_slopes(task.response, task.paints, *films)
+        given = (jnp.asarray(a[n]) for a in (films.sets, films.logs, some.grounds[films.row]))
+        return film_slopes(task.response, task.paints, *given)
 
-    return by_blocks(len(row), block_size(some.readings[0].size), run)
+    return by_blocks(len(films.row), block_size(some.readings[0].size), run)
 
 
 def stated_errors(
@@ -252,9 +281,7 @@ def fixed_errors(
     return noise_covariance(noise_sd, task.surface, task.discrepancy) + np.swapaxes(doubt, 1, 2) @ doubt
 
 
-def weights_of(
-    task: IdentificationTask, readings: Float[np.ndarray, "*n readings"], errors: Whitening
-) -> Weights:
+def weights_of(task: IdentificationTask, readings: Float[np.ndarray, "*n readings"], errors: Whitening) -> Weights:
     """Errors and prior of spectra, or of candidates, from readings with the surface's part."""
     freedom = task.discrepancy.freedom or 0.0
     numbers = (task.prior.spread, task.prior.concentration, freedom, min(independent(task), readings.shape[-1]))

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from ..film.errors import Whitening, model_covariance, whiten
+from ..film.threads import in_threads
 from .fit import LEAST, MOST, Fitted, Weights, fit_sets
 from .own_errors import Groups, allowed, fixed_errors, near_sd, own_errors, refined, weights_of
 from .result import NOBODY, Pool
@@ -20,10 +21,10 @@ from .two_coats import fit_stacks, orders, stack_slopes, stack_starts
 CHUNK = 64
 """Spectra that are fitted at a time."""
 
-_KEPT_PAIRS, _GROWN_PAIRS, _KEPT_TRIPLES, _STACKED = 40, 12, 40, 8
+_KEPT_PAIRS, _GROWN_PAIRS, _KEPT_TRIPLES, _STACKED = 80, 12, 40, 8
 _ROUNDS = 2
 # Damped steps while candidates are ranked.
-_STEPS = 6
+_STEPS = 5
 # Error while candidates are looked for, at a reading of 0 over that at a middling one.
 _DARK = 0.1
 
@@ -93,6 +94,11 @@ def alike_grounds(
     return groups
 
 
+def search(task: IdentificationTask, measured: Measured, rows: Int[np.ndarray, "rows"], starts: SetStarts) -> Pool:
+    """Fitted candidates of some spectra; `CHUNK` at a time, a few of these side by side."""
+    return Pool.joined(in_threads(lambda some: search_chunk(task, measured, some, starts), pieces(rows)))
+
+
 def search_chunk(
     task: IdentificationTask, measured: Measured, rows: Int[np.ndarray, "rows"], starts: SetStarts
 ) -> Pool:
@@ -100,7 +106,6 @@ def search_chunk(
     # Few sizes, so that little is compiled.
     padded = np.resize(rows, padded_size(len(rows)))
     some = measured.take(padded)
-    ground = jnp.asarray(some.grounds, float)
     ranking = _ranking(task, some)
     start = SetStarts(starts.sets[padded], starts.logs[padded])
     fitted = _fit(task, start, ranking)
@@ -108,17 +113,16 @@ def search_chunk(
     if task.max_paints == 3 and task.known >= 3:
         pairs = slice(task.known, None)
         start, new = _grown(
-            task, start.sets[:, pairs], jax.tree.map(lambda a: a[:, pairs], fitted), some.readings, ground
+            task, start.sets[:, pairs], jax.tree.map(lambda a: a[:, pairs], fitted), some.readings, some.grounds
         )
         triples = _pool(task, start.sets, _fit(task, start, ranking))
         triples.log_weight[~new] = -np.inf
         pool = pool.merged(triples)
-    looked_at = pool
-    pool = refined(task, pool, some)
+    real = np.arange(len(rows))
+    looked_at, pool = pool, refined(task, pool.of(real), some.take(real))
     if task.layers == 2 and task.max_paints > 1 and task.known > 1:
-        weights = jax.tree.map(jnp.asarray, weights_of(task, _flat(some.readings), alike_errors(task, some)))
-        pool = _stacked(task, pool, looked_at, some, ground, weights)
-    return _with_surface(task, pool.of(np.arange(len(rows))), measured.take(rows))
+        pool = _stacked(task, pool.of(np.resize(real, len(padded))), looked_at, some).of(real)
+    return _with_surface(task, pool, some.take(real))
 
 
 def padded_size(count: int) -> int:
@@ -192,7 +196,7 @@ def _pool(
 
 
 def _grown(
-    task: IdentificationTask, pairs: np.ndarray, fitted: Fitted, readings: np.ndarray, ground: jax.Array
+    task: IdentificationTask, pairs: np.ndarray, fitted: Fitted, readings: np.ndarray, ground: np.ndarray
 ) -> tuple[SetStarts, Bool[np.ndarray, "spectra sets"]]:
     """Sets of three from the most probable pairs, and whether each is the first of its kind."""
     rows = np.arange(len(pairs))[:, None]
@@ -212,10 +216,10 @@ def _grown(
     return SetStarts(sets[rows, chosen], logs[rows, chosen]), new
 
 
-def _stacked(
-    task: IdentificationTask, pool: Pool, looked_at: Pool, some: Measured, ground: jax.Array, weights: Weights
-) -> Pool:
+def _stacked(task: IdentificationTask, pool: Pool, looked_at: Pool, some: Measured) -> Pool:
     """The pool with the best sets of two and three paints that were looked at as two coats too."""
+    ground = jnp.asarray(some.grounds, float)
+    weights = jax.tree.map(jnp.asarray, weights_of(task, _flat(some.readings), alike_errors(task, some)))
     pool.log_weight[(pool.members != NOBODY).sum(axis=-1) > 1] += np.log1p(-task.prior.stacked)
     size = (looked_at.members != NOBODY).sum(axis=-1)
     for paints in range(2, task.max_paints + 1):

@@ -85,8 +85,7 @@ def film_table(
     """Films of all sets of one paint, and of two if `largest` is more than one.
 
     Args:
-        response: of the instrument.
-        paints: of the catalogue.
+        response, paints: of the instrument and of the catalogue, in single precision.
         largest: set that is looked for.
         spread: standard deviation of the log of a film's total.
         ground: internal reflectance under the films.
@@ -129,9 +128,9 @@ def _films(
     ground: Float[np.ndarray, "grounds bands"],
 ) -> Float[np.ndarray, "films readings"]:
     """Readings of every set at every point of the grid, set by set."""
-    amounts = jnp.asarray(np.broadcast_to(grid, (len(sets), *grid.shape)), float)
-    read = _read(response, paints, jnp.asarray(sets), amounts, jnp.asarray(ground, float))
-    return np.asarray(read).reshape(-1, ground.size)
+    amounts = jnp.asarray(np.broadcast_to(grid, (len(sets), *grid.shape)), jnp.float32)
+    read = _read(response, paints, jnp.asarray(sets), amounts, jnp.asarray(ground, jnp.float32))
+    return np.asarray(read, np.float64).reshape(-1, ground.size)
 
 
 class FilmTables:
@@ -149,7 +148,7 @@ class FilmTables:
                 if known.shape == ground.shape and np.abs(known - ground).max() < ALIKE:
                     return table
             white = task.common_whitening(len(ground))
-            table = film_table(task.response, task.paints, task.max_paints, task.prior.spread, ground, white)
+            table = film_table(*self.single(task), task.max_paints, task.prior.spread, ground, white)
             self._kept = [(ground, table), *self._kept[: _TABLES - 1]]
             return table
 

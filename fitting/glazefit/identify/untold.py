@@ -15,7 +15,7 @@ from ..film.varnish import varnished, without_varnish, yellow
 from .conditions import CONDITIONS, NOT_OPAQUE, OTHER_GROUNDS, VARNISHES
 from .own_errors import independent
 from .result import Pool
-from .search import first_starts, pieces, search_chunk
+from .search import first_starts, search
 from .task import IdentificationTask, Measured
 from .weigh import Odds, odds_of
 
@@ -70,8 +70,7 @@ def _under(number: int, tasks: Mapping[bool, IdentificationTask], told: bool, me
         seen = replace(seen, grounds=np.full_like(seen.grounds, condition.ground))
     if condition.varnish:
         seen, change = bared(seen, task.response, task.surface, condition.varnish)
-    chunks = [seen.take(some) for some in pieces(np.arange(len(seen)))]
-    pool = Pool.joined([search_chunk(task, some, np.arange(len(some)), first_starts(task, some)) for some in chunks])
+    pool = search(task, seen, np.arange(len(seen)), first_starts(task, seen))
 
     def coated(readings: np.ndarray) -> np.ndarray:
         body = readings.reshape(*readings.shape[:2], *measured.readings.shape[1:]) - task.surface
