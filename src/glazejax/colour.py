@@ -12,6 +12,7 @@ import warnings
 from functools import lru_cache
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
@@ -280,10 +281,31 @@ def xyz_to_srgb(xyz: Numbers, white: Grid, *, clip: bool = True) -> Float[Array,
     if clip:
         linear = jnp.clip(linear, 0.0, 1.0)
     dark = linear <= 0.0031308
-    power = 1.055 * jnp.where(dark, 1.0, linear) ** (1 / 2.4) - 0.055
+    power = 1.055 * _root(jnp.where(dark, 1.0, linear)) - 0.055
     encoded = jnp.where(dark, 12.92 * linear, power)
     # Rounding in the power would otherwise leave white a hair above 1.
     return jnp.clip(encoded, 0.0, 1.0) if clip else encoded
+
+
+@jax.custom_jvp
+def _root(x: Float[Array, "..."]) -> Float[Array, "..."]:
+    """x^(1/2.4) of positive x: in float64 four times faster than its power, to a few units in the last place.
+
+    The power in float32 and one step of Halley's iteration for y^12 = x^5, which leaves the cube of its error.
+    """
+    if x.dtype != jnp.float64:
+        return x ** (1 / 2.4)
+    y = (x.astype(jnp.float32) ** (1 / 2.4)).astype(x.dtype)
+    square = y * y
+    fourth = square * square
+    rest = (x * x) * (x * x) * x / (fourth * fourth * fourth) - 1.0
+    return y * (1.0 + rest * (1.0 / 12.0 - (11.0 / 288.0) * rest))
+
+
+@_root.defjvp
+def _root_jvp(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
+    root = _root(*primals)
+    return root, root / (2.4 * primals[0]) * tangents[0]
 
 
 @lru_cache(maxsize=128)
