@@ -109,10 +109,10 @@ def refined(task: IdentificationTask, pool: Pool, some: Measured) -> Pool:
     shown = np.flatnonzero(films.behind() <= task.effort.shown)
     films, groups = films.take(shown), groups.take(shown)
     near = _nearest(task, some, films)
-    out = replace(pool, log_weight=np.full_like(pool.log_weight, -np.inf), allowed=pool.readings.copy())
+    nothing = np.full_like(pool.log_weight, -np.inf), np.zeros_like(pool.covariance), pool.readings.copy()
+    out = replace(pool, log_weight=nothing[0], covariance=nothing[1], allowed=nothing[2])
     at = films.row, films.place
     out.log_weight[at] = films.log_weight
-    out.covariance[at] = 0.0
     out.covariance[(*at, slice(size), slice(size))] = films.covariance
     out.logs[(*at, slice(size))] = np.where(films.sets == NOBODY, -np.inf, near.logs)
     out.readings[at] = near.readings
