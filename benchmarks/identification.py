@@ -8,14 +8,22 @@ sought; and the same pigment on another card. The bar is the nearest spectral an
 """
 
 import argparse
+import functools
+import importlib
 import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from typing import Any
+from unittest import mock
 
+import jax
 import numpy as np
 
 from benchmarks.identification_sets import hyppigments, hyppigments_across_cards, kimera, rrt
 from benchmarks.results import Results, add_option
 from benchmarks.timing import environment
 from glazefit import Identification, Noise, identify
+from glazefit.film import threads
 from glazefit.film.response import film_response
 from glazejax import Hemispherical, Pigment, catalogue
 from glazejax.commands.main import start_jax
@@ -61,10 +69,8 @@ def speed(results: Results, count: int = 1000, compared: int = 400) -> None:
     paints = list(catalogue.load().values())
     grid = paints[0].wavelengths
     results(f"ALL SINGLES AND PAIRS OF {len(paints)} PAINTS, over two cards, 31 bands; the second run of two")
-    results(
-        f"{'spectra':<26}{'spectra':>8} {'usual':>10} {'thorough':>10}  first set  probability off by > .02: of a paint,"
-    )
-    results(f"{'':<26}{'':>8} {'a second':>10} {'a second':>10}  the same   of none; largest in 99 %")
+    results(f"{'':<26}{'spectra':>8} {'usual':>10} {'thorough':>10}  first set  probability off by > .02:")
+    results(f"{'':<26}{'':>8} {'a second':>10} {'a second':>10}  the same   of a paint, of none; 99 % of them")
     for words, rough in (("noise only", False), ("and errors of 5 %", True)):
         spectra, grounds, pair = simulated(paints, count, 1, rough)
         rate, found = {}, {}
@@ -92,6 +98,56 @@ def speed(results: Results, count: int = 1000, compared: int = 400) -> None:
     results(f"Sets of three too, noise only, 200 spectra: {200 / (time.perf_counter() - began):.0f} a second")
 
 
+STAGES = {
+    "table of films (once)": ("table", "film_table"),
+    "spectra beside the table": ("search", "first_starts"),
+    "sets ranked": ("search", "_fit"),
+    "best sets again with own errors": ("own_errors", "refined"),
+    "  errors of groups": ("own_errors", "own_errors"),
+    "  fits with these, and as shown": ("own_errors", "_fitted"),
+    "  errors allowed": ("own_errors", "allowed"),
+    "other conditions, all of the above": ("untold", "search_untold"),
+    "  probabilities": ("weigh", "odds_of"),
+}
+
+
+def profile(results: Results, count: int = 256) -> None:
+    """Processor time of each stage, on one core, noise only."""
+    modules = {name: importlib.import_module(f"glazefit.identify.{name}") for name in {m for m, _ in STAGES.values()}}
+    modules["identify"] = importlib.import_module("glazefit.identify.identify")
+    spent = dict.fromkeys(STAGES, 0.0)
+
+    def timed(words: str, work: Callable) -> Callable:
+        @functools.wraps(work)
+        def measured(*args: Any, **options: Any) -> Any:
+            began = time.process_time()
+            answer = jax.tree.map(np.asarray, work(*args, **options)) if "ranked" in words else work(*args, **options)
+            spent[words] += time.process_time() - began
+            return answer
+
+        return measured
+
+    paints = list(catalogue.load().values())
+    spectra, grounds, _ = simulated(paints, count, 5, False)
+    with ExitStack() as stack:
+        stack.enter_context(mock.patch.object(threads, "cores", return_value=1))
+        for words, (home, name) in STAGES.items():
+            work = getattr(modules[home], name)
+            instead = timed(words, work)
+            for module in modules.values():
+                if getattr(module, name, None) is work:
+                    stack.enter_context(mock.patch.object(module, name, instead))
+        for _ in range(2):
+            spent.update(dict.fromkeys(STAGES, 0.0))
+            began = time.process_time()
+            identify(spectra, paints[0].wavelengths, paints, grounds=grounds, max_paints=2)
+            whole = time.process_time() - began
+    results(f"WHERE THE TIME GOES: {count} spectra, noise only, one core; ms of processor time for each spectrum")
+    for words, seconds in spent.items():
+        results(f"  {words:<38}{1e3 * seconds / count:6.2f}")
+    results(f"  {'all':<38}{1e3 * whole / count:6.2f}")
+
+
 def _first(found: Identification, row: int) -> tuple[frozenset[int], int]:
     """Paints of the first answer, and its condition."""
     members = found.members[row, 0]
@@ -106,7 +162,7 @@ def main() -> None:
     results = Results("identification", options.out)
     results(environment())
     results()
-    for part in (speed, kimera, rrt, hyppigments, hyppigments_across_cards):
+    for part in (speed, profile, kimera, rrt, hyppigments, hyppigments_across_cards):
         part(results)
         results()
     results.save()
