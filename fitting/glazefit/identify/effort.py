@@ -17,6 +17,7 @@ class Effort(NamedTuple):
         moved: how far that may be from where the errors were worked out.
         ranking, own, again, near: damped steps of a fit: while sets are ranked, with errors of their own, again with
             these, and to the amounts that are shown.
+        single: whether sets are weighed in single precision; amounts that are shown never are.
     """
 
     pairs: int
@@ -30,10 +31,11 @@ class Effort(NamedTuple):
     own: int
     again: int
     near: int
+    single: bool
 
 
-USUAL = Effort(80, 40, 8.0, 6.0, 8.0, 0.005, 0.0005, 5, 8, 6, 8)
+USUAL = Effort(80, 40, 8.0, 6.0, 8.0, 0.005, 0.0005, 5, 8, 6, 8, True)
 """Told from `THOROUGH` by one first answer in a hundred or two, where several sets explain a film about as well
 (`python -m benchmarks.identification`)."""
-THOROUGH = Effort(10_000, 120, 20.0, 20.0, 20.0, 0.0, 0.0, 14, 14, 14, 14)
+THOROUGH = Effort(10_000, 120, 20.0, 20.0, 20.0, 0.0, 0.0, 14, 14, 14, 14, False)
 """Every pair is fitted, and all that may matter have errors of their own."""

@@ -167,7 +167,7 @@ def _weighed(
     errors = own_errors(task, some, groups.row, groups.sets, groups.slopes)
     readings = some.readings.reshape(len(some), -1)[films.row]
     weights = weights_of(task, readings, Whitening(errors.basis, errors.height[groups.of]))
-    fitted = _fitted(task, some, films, weights, groups.of, steps)
+    fitted = _fitted(task, some, films, weights, groups.of, steps, single=task.effort.single)
     log_weight = task.discrepancy.trust * fitted.log_evidence + task.log_sets(films.sets)
     spread = np.where(absent_pairs(films.sets), 0.0, fitted.covariance)
     films = replace(films, logs=fitted.logs, covariance=spread, log_weight=log_weight, readings=fitted.readings)
@@ -181,17 +181,24 @@ def _fitted(
     weights: Weights,
     basis: Int[np.ndarray, "films"],
     steps: int,
+    single: bool = False,
 ) -> Fitted:
-    """Films fitted with weights of their own, where `basis` says which of the bases is each one's."""
-    alike = weights.basis
+    """Films fitted with weights of their own, where `basis` says which of the bases is each one's.
+
+    In single precision evidences are good to a thousandth.
+    """
+    kind = np.float32 if single else np.float64
+    response, paints = task.tables.single(task) if single else (task.response, task.paints)
+    target, alike, *rest = (np.asarray(part, kind) for part in weights)
+    grounds = np.asarray(some.grounds, kind)
 
     def run(n: np.ndarray) -> Fitted:
-        own = weights._replace(basis=n)
-        own = Weights(*(jnp.asarray(alike[basis[n]] if a is n else a[n]) for a in own))
-        films_there = (jnp.asarray(a[n]) for a in (films.sets, films.logs, some.grounds[films.row]))
-        return fit_films(task.response, task.paints, *films_there, own, task.middle, jnp.asarray(steps))
+        own = Weights(*map(jnp.asarray, (target[n], alike[basis[n]], *(part[n] for part in rest))))
+        start = map(jnp.asarray, (films.sets[n], np.asarray(films.logs[n], kind), grounds[films.row[n]]))
+        return fit_films(response, paints, *start, own, task.middle, jnp.asarray(steps))
 
-    return by_blocks(len(films.row), block_size(alike.shape[-1]), run)
+    fitted = by_blocks(len(films.row), block_size(alike.shape[-1]), run)
+    return Fitted(*(np.asarray(part, np.float64) for part in fitted))
 
 
 def _nearest(task: IdentificationTask, some: Measured, films: _Films) -> _Films:
