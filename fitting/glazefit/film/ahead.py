@@ -8,6 +8,8 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from functools import cache
 from typing import Any, Generic, ParamSpec, TypeVar
 
+import jax
+
 Given = ParamSpec("Given")
 Result = TypeVar("Result")
 
@@ -26,11 +28,14 @@ class Program(Generic[Given, Result]):
     def ahead(self, *args: Given.args, **kwargs: Given.kwargs) -> None:
         """Begin to compile for arguments like these, whose values do not matter; return at once."""
         # JAX finds what was compiled for as long as somebody holds it: here that is the future.
-        self._begun = [*self._begun[-3:], _thread().submit(self._compiled, *args, **kwargs)]
+        double = bool(jax.config.jax_enable_x64)  # pyright: ignore[reportAttributeAccessIssue]
+        self._begun = [*self._begun[-3:], _thread().submit(self._compiled, double, *args, **kwargs)]
 
-    def _compiled(self, *args: Any, **kwargs: Any) -> Any:
-        lowered = self._jitted.lower(*args, **kwargs)  # type: ignore[attr-defined]
-        return lowered, lowered.compile()
+    def _compiled(self, double: bool, *args: Any, **kwargs: Any) -> Any:
+        # The caller's precision may be set for its thread alone.
+        with jax.enable_x64(double):
+            lowered = self._jitted.lower(*args, **kwargs)  # type: ignore[attr-defined]
+            return lowered, lowered.compile()
 
     def __call__(self, *args: Given.args, **kwargs: Given.kwargs) -> Result:
         """Run it, after what was begun: two threads would compile the same program twice."""
