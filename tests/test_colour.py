@@ -11,9 +11,7 @@ from hypothesis import strategies as st
 
 from glazejax import colour as gc
 
-with warnings.catch_warnings():
-    warnings.simplefilter("ignore")
-    import colour
+colour = gc.colour_science()
 
 OBSERVERS = ["CIE 1931 2 Degree Standard Observer", "CIE 1964 10 Degree Standard Observer"]
 LAMPS = ["D65", "A", "D50", "FL2", "FL11", "LED-B3"]

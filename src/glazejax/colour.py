@@ -1,44 +1,53 @@
 """Spectrum -> XYZ, Lab, sRGB and colour differences.
 
-Colour matching functions, illuminants and the CIEDE2000 formula are those of colour-science, which is
-imported when first needed. What depends only on the grid, the illuminant and the observer is folded into
-one matrix of weights, so that a spectrum, or a million of them, becomes XYZ by one matrix product, and
-every function but `delta_e_2000` can be differentiated.
+Colour matching functions and illuminants are colour-science's tables, which `glazejax.cie` carries. What depends
+only on the grid, the illuminant and the observer is folded into one matrix of weights, so that a spectrum, or a
+million of them, becomes XYZ by one matrix product, and every function but `delta_e_2000` can be differentiated.
+
+Small NumPy input is computed by NumPy, and the answer is a JAX array as ever: JAX would compile a program for each
+operation and each shape, which takes longer than some thousand colours. Anything else is one compiled program.
 """
 
 import difflib
 import re
 import warnings
-from functools import lru_cache
+from collections.abc import Callable
+from functools import lru_cache, partial
+from types import ModuleType
 from typing import Any
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from .cie import illuminants, observers
+from .cie.difference import ciede2000
 from .spectra import (
     Grid,
     Numbers,
     Spectra,
+    as_array,
     as_float_array,
     describe_grid,
     validate_wavelengths,
 )
 
 CIE_1931 = "CIE 1931 2 Degree Standard Observer"
-_OBSERVERS = (
+OBSERVERS = (
     CIE_1931,
     "CIE 1964 10 Degree Standard Observer",
     "CIE 2015 2 Degree Standard Observer",
     "CIE 2015 10 Degree Standard Observer",
 )
+"""Full names of the standard observers."""
 _SHORT_OBSERVERS = {
-    "2": _OBSERVERS[0],
-    "1931": _OBSERVERS[0],
-    "cie_2_1931": _OBSERVERS[0],
-    "10": _OBSERVERS[1],
-    "1964": _OBSERVERS[1],
-    "cie_10_1964": _OBSERVERS[1],
+    "2": OBSERVERS[0],
+    "1931": OBSERVERS[0],
+    "cie_2_1931": OBSERVERS[0],
+    "10": OBSERVERS[1],
+    "1964": OBSERVERS[1],
+    "cie_10_1964": OBSERVERS[1],
 }
 # ASTM E308: the working range in nm.
 _START, _END = 360, 780
@@ -46,10 +55,20 @@ _START, _END = 360, 780
 _MAX_STEP = 40.0
 # Share of a tristimulus value that may rest on repeating the end bands; 420-680 nm stays below .07.
 _MAX_GUESSED = 0.1
+# Numbers up to which NumPy computes what it is given.
+_SMALL = 1 << 16
+# IEC 61966-2-1: chromaticities of the primaries and of white, and the light up to which the encoding is straight.
+SRGB_PRIMARIES = ((0.64, 0.33), (0.30, 0.60), (0.15, 0.06))
+SRGB_WHITE = (0.3127, 0.3290)
+_STRAIGHT = 0.0031308
+_BRADFORD = np.array([[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]])
 
 
 def colour_science() -> Any:
-    """The colour-science package (an object in place of its module), imported without warnings about what it lacks."""
+    """The colour-science package (an object in place of its module), imported without warnings about what it lacks.
+
+    It takes a second or two, for it brings matplotlib, pandas and SciPy: nothing that every command does asks for it.
+    """
     printing = np.get_printoptions()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -75,9 +94,9 @@ def find_illuminant(name: str) -> str:
     """Full name of a CIE illuminant; the case does not matter, and F2 is FL2.
 
     Raises:
-        ValueError: colour-science knows no such illuminant; the message lists the nearest names.
+        ValueError: there is no such illuminant; the message lists the nearest names.
     """
-    known = {str(key).lower(): str(key) for key in colour_science().SDS_ILLUMINANTS}
+    known = {key.lower(): key for key in illuminants()}
     lamps = {key.replace("fl", "f", 1): full for key, full in known.items() if key.startswith("fl")}
     return _find("illuminant", name, known | lamps)
 
@@ -88,7 +107,7 @@ def find_observer(name: str | int) -> str:
     Raises:
         ValueError: no such observer; the message lists the nearest names.
     """
-    return _find("observer", str(name), {full.lower(): full for full in _OBSERVERS} | _SHORT_OBSERVERS)
+    return _find("observer", str(name), {full.lower(): full for full in OBSERVERS} | _SHORT_OBSERVERS)
 
 
 def colour_weights(
@@ -104,7 +123,7 @@ def colour_weights(
 
     Args:
         wavelengths: (bands,), nm; even or not.
-        illuminant: any name that colour-science knows, such as D65, A, FL2, LED-B3.
+        illuminant: any name of `glazejax.cie.illuminants`, such as D65, A, FL2, LED-B3.
         observer: full name, or 2, 10, 1931, 1964.
 
     Returns:
@@ -148,15 +167,14 @@ def _illuminated_observer(
     illuminant: str, observer: str
 ) -> tuple[Float[np.ndarray, "fine"], Float[np.ndarray, "fine 3"]]:
     """Illuminant times colour matching functions at 1 nm, scaled so that the y column sums to 1."""
-    colour = colour_science()
-    matching = colour.MSDS_CMFS[observer]
-    start, end = max(_START, matching.shape.start), min(_END, matching.shape.end)
-    shape = colour.SpectralShape(start, end, 1)
-    # Copies: align changes its object, which here is colour-science's own table.
-    xyz_bar = matching.copy().align(shape).values
-    lamp = colour.SDS_ILLUMINANTS[illuminant].copy().align(shape).values
-    products = xyz_bar * lamp[:, None]
-    return shape.wavelengths, products / products[:, 1].sum()
+    curves = observers()[observer]
+    inside = (curves[0].wavelengths >= _START) & (curves[0].wavelengths <= _END)
+    fine = curves[0].wavelengths[inside]
+    lamp = illuminants()[illuminant]
+    # Linear between a lamp's bands, and its end bands repeated outwards.
+    power = np.interp(fine, lamp.wavelengths, lamp.values)
+    products = np.stack([curve.values[inside] for curve in curves], axis=1) * power[:, None]
+    return fine, products / products[:, 1].sum()
 
 
 def _lagrange_matrix(
@@ -205,11 +223,7 @@ def xyz(
     Raises:
         ValueError: as `colour_weights`, or the last axis of `reflectance` is not the bands.
     """
-    weights = colour_weights(wavelengths, illuminant, observer)
-    values = as_float_array(reflectance)
-    if values.shape[-1:] != weights.shape[:1]:
-        raise ValueError(f"reflectance of shape {values.shape} does not end in the {weights.shape[0]} bands given")
-    return jnp.matmul(values, jnp.asarray(weights, dtype=values.dtype), precision="highest")
+    return _computed(_times, *_weighted(wavelengths, reflectance, illuminant, observer))
 
 
 def lab(
@@ -225,21 +239,22 @@ def lab(
 
     Args and errors as `xyz`. Source: CIE 15:2018, section 8.2.1.
     """
-    values = xyz(wavelengths, reflectance, illuminant=illuminant, observer=observer)
-    white = white_point(wavelengths, illuminant, observer)
-    return xyz_to_lab(values, jnp.asarray(white, dtype=values.dtype))
+    values, weights = _weighted(wavelengths, reflectance, illuminant, observer)
+    return _computed(_lab_of_spectra, values, weights, white_point(wavelengths, illuminant, observer))
 
 
 def xyz_to_lab(xyz: Numbers, white: Numbers) -> Float[Array, "*batch 3"]:
     """CIE 1976 L*a*b* of XYZ, (..., 3), relative to a white, (3,), on the same scale."""
-    values = as_float_array(xyz)
-    ratio = values / as_float_array(white).astype(values.dtype)
-    dark = ratio <= (6 / 29) ** 3
-    # Where the line is taken, the root gets 1, so that its gradient stays finite.
-    root = jnp.cbrt(jnp.where(dark, 1.0, ratio))
-    f = jnp.where(dark, ratio / (3 * (6 / 29) ** 2) + 4 / 29, root)
-    fx, fy, fz = f[..., 0], f[..., 1], f[..., 2]
-    return jnp.stack([116 * fy - 16, 500 * (fx - fy), 200 * (fy - fz)], axis=-1)
+    return _computed(_lab_of_xyz, xyz, white)
+
+
+def lab_to_xyz(lab: Numbers, white: Grid) -> Float[np.ndarray, "*batch 3"]:
+    """XYZ of CIE 1976 L*a*b*, (..., 3), on the scale of the white, (3,): `xyz_to_lab` backwards; NumPy only."""
+    lightness, a, b = np.moveaxis(np.asarray(lab, float), -1, 0)
+    fy = (lightness + 16) / 116
+    f = np.stack([fy + a / 500, fy, fy - b / 200], axis=-1)
+    ratio = np.where(f <= 6 / 29, 3 * (6 / 29) ** 2 * (f - 4 / 29), f**3)
+    return ratio * np.asarray(white, float)
 
 
 def srgb(
@@ -265,8 +280,9 @@ def srgb(
 
     Source: IEC 61966-2-1:1999; matrices from its primaries, not rounded.
     """
-    values = xyz(wavelengths, reflectance, illuminant=illuminant, observer=observer)
-    return xyz_to_srgb(values, white_point(wavelengths, illuminant, observer), clip=clip)
+    values, weights = _weighted(wavelengths, reflectance, illuminant, observer)
+    matrix = _screen_matrix(tuple(white_point(wavelengths, illuminant, observer).tolist()))
+    return _computed(_clipped_srgb if clip else _srgb_of_light, values, weights @ matrix)
 
 
 def xyz_to_srgb(xyz: Numbers, white: Grid, *, clip: bool = True) -> Float[Array, "*batch 3"]:
@@ -274,33 +290,109 @@ def xyz_to_srgb(xyz: Numbers, white: Grid, *, clip: bool = True) -> Float[Array,
 
     Notes and source as `srgb`.
     """
-    values = as_float_array(xyz)
     matrix = _screen_matrix(tuple(np.asarray(white, float).tolist()))
-    linear = jnp.matmul(values, jnp.asarray(matrix, dtype=values.dtype), precision="highest")
-    if clip:
-        linear = jnp.clip(linear, 0.0, 1.0)
-    dark = linear <= 0.0031308
-    power = 1.055 * jnp.where(dark, 1.0, linear) ** (1 / 2.4) - 0.055
-    encoded = jnp.where(dark, 12.92 * linear, power)
+    return _computed(_clipped_srgb if clip else _srgb_of_light, xyz, matrix)
+
+
+def srgb_to_xyz(encoded: Numbers) -> Float[np.ndarray, "*batch 3"]:
+    """XYZ of encoded sRGB, (..., 3), in [0, 1], as a screen shows it, Y = 1 for its white; NumPy only.
+
+    Source: IEC 61966-2-1:1999; matrices from its primaries, not rounded.
+    """
+    values = np.asarray(encoded, float)
+    # The end of the straight part, encoded.
+    light = np.where(values <= 12.92 * _STRAIGHT, values / 12.92, ((np.abs(values) + 0.055) / 1.055) ** 2.4)
+    return light @ _screen().T
+
+
+def _weighted(
+    wavelengths: Grid, reflectance: Spectra, illuminant: str, observer: str | int
+) -> tuple[Array | np.ndarray, Float[np.ndarray, "bands 3"]]:
+    """Spectra as an array, and the weights of their bands."""
+    weights = colour_weights(wavelengths, illuminant, observer)
+    values = as_array(reflectance)
+    if values.shape[-1:] != weights.shape[:1]:
+        raise ValueError(f"reflectance of shape {values.shape} does not end in the {weights.shape[0]} bands given")
+    return values, weights
+
+
+def _computed(core: Callable[..., Any], values: Numbers, *constants: Numbers) -> Float[Array, "*batch 3"]:
+    """``core(numpy or jax.numpy, values, ...)``: small NumPy input by NumPy, anything else as one compiled program."""
+    arrays = [as_array(each) for each in (values, *constants)]
+    if arrays[0].size <= _SMALL and all(isinstance(array, np.ndarray) for array in arrays):
+        # The type that JAX would compute in: float32 unless the user has asked for more.
+        kind = arrays[0].dtype if np.issubdtype(arrays[0].dtype, np.floating) else np.dtype(float)
+        kind = jax.dtypes.canonicalize_dtype(kind)
+        with np.errstate(all="ignore"):
+            return jnp.asarray(core(np, *(array.astype(kind) for array in arrays)))
+    first = as_float_array(arrays[0])
+    return _compiled(core, first, *(as_float_array(each).astype(first.dtype) for each in arrays[1:]))
+
+
+@partial(jax.jit, static_argnums=0)
+def _compiled(core: Callable[..., Any], *arrays: Array) -> Array:
+    return core(jnp, *arrays)
+
+
+def _times(xp: ModuleType, values: Any, matrix: Any) -> Any:
+    return values @ matrix if xp is np else jnp.matmul(values, matrix, precision="highest")
+
+
+def _lab_of_spectra(xp: ModuleType, values: Any, weights: Any, white: Any) -> Any:
+    return _lab_of_xyz(xp, _times(xp, values, weights), white)
+
+
+def _lab_of_xyz(xp: ModuleType, values: Any, white: Any) -> Any:
+    ratio = values / white
+    dark = ratio <= (6 / 29) ** 3
+    # Where the line is taken, the root gets 1, so that its gradient stays finite.
+    root = xp.cbrt(xp.where(dark, 1.0, ratio))
+    f = xp.where(dark, ratio / (3 * (6 / 29) ** 2) + 4 / 29, root)
+    fx, fy, fz = f[..., 0], f[..., 1], f[..., 2]
+    return xp.stack([116 * fy - 16, 500 * (fx - fy), 200 * (fy - fz)], axis=-1)
+
+
+def _srgb_of_light(xp: ModuleType, values: Any, matrix: Any) -> Any:
+    return _encoded(xp, _times(xp, values, matrix))
+
+
+def _clipped_srgb(xp: ModuleType, values: Any, matrix: Any) -> Any:
     # Rounding in the power would otherwise leave white a hair above 1.
-    return jnp.clip(encoded, 0.0, 1.0) if clip else encoded
+    return xp.clip(_encoded(xp, xp.clip(_times(xp, values, matrix), 0.0, 1.0)), 0.0, 1.0)
+
+
+def _encoded(xp: ModuleType, linear: Any) -> Any:
+    dark = linear <= _STRAIGHT
+    power = 1.055 * xp.where(dark, 1.0, linear) ** (1 / 2.4) - 0.055
+    return xp.where(dark, 12.92 * linear, power)
 
 
 @lru_cache(maxsize=128)
 def _screen_matrix(white: tuple[float, ...]) -> Float[np.ndarray, "3 3"]:
     """Matrix M such that ``xyz @ M`` is linear sRGB, adapted from the illuminant's white."""
-    colour = colour_science()
-    space = colour.RGB_COLOURSPACES["sRGB"]
-    to_xyz = colour.normalised_primary_matrix(space.primaries, space.whitepoint)
-    adapt = colour.adaptation.matrix_chromatic_adaptation_VonKries(
-        np.asarray(white), to_xyz.sum(axis=1), transform="Bradford"
-    )
+    to_xyz = _screen()
+    adapt = bradford(np.asarray(white), to_xyz.sum(axis=1))
     return (np.linalg.inv(to_xyz) @ adapt).T
 
 
+def _screen() -> Float[np.ndarray, "3 3"]:
+    """Matrix M such that ``M @ linear`` is XYZ of sRGB; its columns sum to D65, Y = 1."""
+    x, y = SRGB_WHITE
+    primaries = np.array([[a, b, 1 - a - b] for a, b in SRGB_PRIMARIES]).T
+    return primaries * np.linalg.solve(primaries, [x / y, 1.0, (1 - x - y) / y])
+
+
+def bradford(white: Float[np.ndarray, "3"], seen: Float[np.ndarray, "3"]) -> Float[np.ndarray, "3 3"]:
+    """Matrix M such that ``M @ xyz`` looks under the white `seen` as the colour does under `white`.
+
+    Source: K. M. Lam, thesis, University of Bradford (1985), linear as in ICC.1:2022, annex E.
+    """
+    return np.linalg.inv(_BRADFORD) @ np.diag((_BRADFORD @ seen) / (_BRADFORD @ white)) @ _BRADFORD
+
+
 def delta_e_2000(lab1: Numbers, lab2: Numbers) -> Float[np.ndarray, "*batch"]:
-    """CIEDE2000 colour difference between Lab colours, (..., 3) each, by colour-science; NumPy only."""
-    return np.asarray(colour_science().delta_E(np.asarray(lab1), np.asarray(lab2), method="CIE 2000"))
+    """CIEDE2000 colour difference between Lab colours, (..., 3) each; NumPy only."""
+    return ciede2000(np.asarray(lab1, float), np.asarray(lab2, float))
 
 
 def delta_e_of_spectra(

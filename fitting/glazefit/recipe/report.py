@@ -77,11 +77,9 @@ def recipe_hex(recipe: Recipe) -> str:
 
 def _lab_hex(recipe: Recipe, lab) -> str:
     """L*a*b* shown as it is: relative to the illuminant's white, which a screen shows as its own."""
-    science = colour.colour_science()
     light = next(iter(recipe.delta_e))
     white = colour.white_point(recipe.wavelengths, light)
-    tristimulus = science.Lab_to_XYZ(np.asarray(lab), science.XYZ_to_xy(white))
-    return hex_colour(colour.xyz_to_srgb(tristimulus, white))
+    return hex_colour(colour.xyz_to_srgb(colour.lab_to_xyz(lab, white), white))
 
 
 def print_recipes(recipes: Sequence[Recipe], console: Console) -> None:

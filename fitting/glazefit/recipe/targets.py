@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 from numpy.typing import ArrayLike
 
-from glazejax import colour
+from glazejax import cie, colour
 from glazejax.spectra import as_fraction, describe_grid, validate_wavelengths
 
 Colour = Sequence[float] | Float[np.ndarray, "3"]
@@ -116,12 +116,8 @@ def srgb_target(code: str, name: str | None = None) -> Target:
     if len(digits) == 3:
         digits = "".join(2 * digit for digit in digits)
     encoded = np.array([int(digits[i : i + 2], 16) for i in (0, 2, 4)]) / 255.0
-    science = colour.colour_science()
-    space = science.RGB_COLOURSPACES["sRGB"]
-    to_xyz = science.normalised_primary_matrix(space.primaries, space.whitepoint)
-    xyz = to_xyz @ np.asarray(science.models.eotf_sRGB(encoded))
     # Relative to the screen's own white, as `glazejax.colour.srgb` has it.
-    lab = np.asarray(colour.xyz_to_lab(xyz, to_xyz.sum(axis=1)))
+    lab = np.asarray(colour.xyz_to_lab(colour.srgb_to_xyz(encoded), colour.srgb_to_xyz(np.ones(3))))
     return Target(name or f"#{digits.lower()}", MappingProxyType({colour.find_illuminant("D65"): lab}))
 
 
@@ -139,24 +135,23 @@ def spectral_target(name: str, wavelengths: ArrayLike, reflectance: ArrayLike) -
 
 
 def colourchecker_targets(patches: Sequence[str] = (), chart: str = DEFAULT_CHART) -> list[Target]:
-    """Measured patches of a ColorChecker chart that colour-science ships.
+    """Measured patches of a ColorChecker chart, as colour-science has them.
 
     Args:
         patches: names, such as "blue sky"; the beginning will do if it fits one only. All 24 if left out.
-        chart: a name in ``colour.SDS_COLOURCHECKERS``.
+        chart: a name in `glazejax.cie.charts`.
 
     Raises:
         ValueError: an unknown chart or patch; the message lists what there is.
     """
-    charts = colour.colour_science().SDS_COLOURCHECKERS
-    known = {str(key).lower(): str(key) for key in charts}
+    charts = cie.charts()
+    known = {key.lower(): key for key in charts} | cie.SHORT_CHARTS
     if chart.lower() not in known:
-        raise ValueError(f"unknown chart {chart!r}: there are {', '.join(dict.fromkeys(charts))}")
+        raise ValueError(f"unknown chart {chart!r}: there are {', '.join(charts)}")
     spectra = charts[known[chart.lower()]]
     chosen = [_patch(patch, list(spectra)) for patch in patches] or list(spectra)
     return [
-        spectral_target(_short(name), np.asarray(spectra[name].wavelengths), np.asarray(spectra[name].values))
-        for name in dict.fromkeys(chosen)
+        spectral_target(_short(name), spectra[name].wavelengths, spectra[name].values) for name in dict.fromkeys(chosen)
     ]
 
 

@@ -20,7 +20,6 @@ All three begin with the same R_0; over bare ground, multiply has the same first
 
 from dataclasses import dataclass
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
 
@@ -218,7 +217,7 @@ def _mixing(
         return opaque.reflectance(paleness)
 
     def colour(spectra: Float[np.ndarray, "... bands"]) -> Float[np.ndarray, "... 3"]:
-        return np.asarray(lab(grid, jnp.asarray(spectra), illuminant=illuminant, observer=observer))
+        return np.asarray(lab(grid, spectra, illuminant=illuminant, observer=observer))
 
     scale = float(depth.max()) or 1.0
     amounts = scale * np.logspace(-4, 6, 10 * _PER_DECADE + 1)[:, None]

@@ -14,7 +14,7 @@ from typing import Literal, NamedTuple, get_args
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from ...colour import colour_science
+from ...colour import SRGB_PRIMARIES, bradford, colour_science, srgb_to_xyz
 from ...radiative.common.fresnel import array_module
 from ...spectra import Numbers, as_array, as_float_array, concrete
 from .gamut import bring_inside
@@ -103,6 +103,8 @@ class Display:
         Raises:
             ValueError: there is no such display.
         """
+        if PRESETS.get(name.strip().lower()) == "sRGB":
+            return cls._srgb(white_luminance)
         colour = colour_science()
         known = {key.lower(): key for key in colour.RGB_COLOURSPACES}
         wanted = PRESETS.get(name.strip().lower(), name).lower()
@@ -112,6 +114,13 @@ class Display:
         luminances = colour.normalised_primary_matrix(space.primaries, space.whitepoint)[1] * white_luminance
         light = np.asarray(space.cctf_decoding(np.linspace(0.0, 1.0, 256)))
         return cls(space.primaries, luminances, ToneCurve(np.arange(256.0), light), name=space.name)
+
+    @classmethod
+    def _srgb(cls, white_luminance: float) -> "Display":
+        """`preset` of the display that most are, without waiting for colour-science."""
+        luminances = srgb_to_xyz(np.eye(3))[:, 1] * white_luminance
+        light = srgb_to_xyz(np.linspace(0.0, 1.0, 256)[:, None] * np.ones(3))[:, 1]
+        return cls(np.array(SRGB_PRIMARIES), luminances, ToneCurve(np.arange(256.0), light), name="sRGB")
 
     @classmethod
     def paper_monitor(cls) -> "Display":
@@ -228,10 +237,7 @@ class Display:
             xyz: (..., 3), seen under `white`.
             white: (3,), XYZ of white in the scene; it becomes the display's own.
         """
-        transform = colour_science().adaptation.matrix_chromatic_adaptation_VonKries(
-            np.asarray(white, float), self.white, transform="Bradford"
-        )
-        return _times(_floats(xyz), np.asarray(transform))
+        return _times(_floats(xyz), bradford(np.asarray(white, float), self.white))
 
     def _refuse(self, xyz: Numbers, outside: Bool[Array | np.ndarray | np.bool_, "*batch"]) -> None:
         """Name the first colour outside the gamut."""

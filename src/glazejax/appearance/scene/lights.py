@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 from jaxtyping import Float
 
-from ...colour import CIE_1931, colour_science, colour_weights, find_illuminant
+from ...cie import illuminants
+from ...colour import CIE_1931, colour_weights, find_illuminant
 from ...spectra import Grid, Numbers, describe_grid, validate_wavelengths
 from .shapes import vector
 
@@ -63,7 +64,7 @@ def lamp(name: str, wavelengths: Grid, strength: float = 1.0) -> Float[np.ndarra
         ValueError: an unknown name, bands beyond the lamp's table or a grid too coarse for colour.
     """
     full = find_illuminant(name)
-    table = colour_science().SDS_ILLUMINANTS[full]
+    table = illuminants()[full]
     return lamp_on_bands(table.wavelengths, table.values, wavelengths, strength, words=f"the illuminant {full}")
 
 

@@ -1,0 +1,65 @@
+"""Tables of lamps, eyes and colour charts, and the CIE's formula for colour differences: NumPy, read in milliseconds.
+
+The tables are those of colour-science (BSD-3-Clause; `SOURCE.md` says which, `LICENSE` is its licence), written by
+`python -m benchmarks.cie_tables`. They are here because `import colour` takes longer than rendering a glaze: it brings
+matplotlib, pandas and much of SciPy.
+"""
+
+import csv
+from functools import cache
+from importlib.resources import files
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+SHORT_CHARTS = {"babel_average": "BabelColor Average", "cc_ohta": "ColorChecker N Ohta"}
+"""Short names of charts."""
+
+
+class Curve(NamedTuple):
+    """A tabulated spectrum.
+
+    Attributes:
+        wavelengths: (bands,), nm, even.
+        values: (bands,), in the unit of its table.
+    """
+
+    wavelengths: Float[np.ndarray, "bands"]
+    values: Float[np.ndarray, "bands"]
+
+
+@cache
+def illuminants() -> dict[str, Curve]:
+    """Relative power of the CIE's and ISO's illuminants by full name, such as D65; linear between its bands."""
+    return {name: curve for (name,), curve in _rows("illuminants.csv", 1).items()}
+
+
+@cache
+def observers() -> dict[str, tuple[Curve, Curve, Curve]]:
+    """Colour matching functions x, y, z of the standard observers by full name, at every nanometre."""
+    rows = _rows("observers.csv", 2)
+    return {name: (rows[name, "x"], rows[name, "y"], rows[name, "z"]) for name in dict.fromkeys(n for n, _ in rows)}
+
+
+@cache
+def charts() -> dict[str, dict[str, Curve]]:
+    """Measured reflectance of colour charts, as fractions: chart, then patch."""
+    found: dict[str, dict[str, Curve]] = {}
+    for (chart, patch), curve in _rows("charts.csv", 2).items():
+        found.setdefault(chart, {})[patch] = curve
+    return found
+
+
+def _rows(file: str, names: int) -> dict[tuple[str, ...], Curve]:
+    """Curves of a table: so many names, the first wavelength, the step, and the values in a row each."""
+    found = {}
+    with files(__package__).joinpath(file).open(encoding="utf-8", newline="") as lines:
+        for row in csv.reader(lines):
+            numbers = np.array(row[names:], dtype=np.float64)
+            start, step, values = numbers[0], numbers[1], numbers[2:]
+            grid = start + step * np.arange(values.size)
+            for array in (grid, values):
+                array.setflags(write=False)
+            found[tuple(row[:names])] = Curve(grid, values)
+    return found

@@ -1,0 +1,123 @@
+"""The tables that ship are colour-science's, and the formulas say what its formulas say."""
+
+import subprocess
+import sys
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from glazejax import cie
+from glazejax import colour as gc
+from glazejax.cie.difference import ciede2000
+
+colour = gc.colour_science()
+
+
+def test_illuminants_are_all_of_colour_science():
+    ours = cie.illuminants()
+    assert list(ours) == [str(name) for name in colour.SDS_ILLUMINANTS]
+    for name, curve in ours.items():
+        theirs = colour.SDS_ILLUMINANTS[name]
+        np.testing.assert_array_equal(curve.wavelengths, theirs.wavelengths)
+        np.testing.assert_array_equal(curve.values, theirs.values)
+        # Joined by lines there too.
+        assert theirs.interpolator is colour.LinearInterpolator
+
+
+def test_observers_are_those_of_colour_science():
+    assert tuple(cie.observers()) == gc.OBSERVERS
+    for name, curves in cie.observers().items():
+        theirs = colour.MSDS_CMFS[name]
+        for curve, values in zip(curves, theirs.values.T, strict=True):
+            np.testing.assert_array_equal(curve.wavelengths, theirs.wavelengths)
+            np.testing.assert_array_equal(curve.values, values)
+
+
+def test_charts_are_those_of_colour_science():
+    ours = cie.charts() | {short: cie.charts()[full] for short, full in cie.SHORT_CHARTS.items()}
+    assert set(ours) == {str(name) for name in colour.SDS_COLOURCHECKERS}
+    for name, patches in ours.items():
+        theirs = colour.SDS_COLOURCHECKERS[name]
+        assert list(patches) == [str(patch) for patch in theirs]
+        for patch, curve in patches.items():
+            np.testing.assert_array_equal(curve.wavelengths, theirs[patch].wavelengths)
+            np.testing.assert_array_equal(curve.values, theirs[patch].values)
+
+
+def test_difference_is_that_of_colour_science():
+    rng = np.random.default_rng(3)
+    one, other = (rng.uniform((0, -120, -120), (100, 120, 120), (20000, 3)) for _ in range(2))
+    near = one + rng.normal(0, 0.5, one.shape)
+    grey = one * (1, 0, 0)
+    for a, b in ((one, other), (one, near), (one, grey), (grey, one), (grey, grey[::-1]), (one, one)):
+        np.testing.assert_allclose(ciede2000(a, b), colour.delta_E(a, b, method="CIE 2000"), atol=2e-12, rtol=0)
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "apart"),
+    [
+        # Sharma, Wu, Dalal (2005), table 1: across the jump of hue, through grey, far apart.
+        ((50, 2.6772, -79.7751), (50, 0, -82.7485), 2.0425),
+        ((50, -1.3802, -84.2814), (50, 0, -82.7485), 1.0000),
+        ((50, 0, 0), (50, -1, 2), 2.3669),
+        ((50, 2.4900, -0.0010), (50, -2.4900, 0.0009), 7.1792),
+        ((50, 2.4900, -0.0010), (50, -2.4900, 0.0011), 7.2195),
+        ((50, -0.0010, 2.4900), (50, 0.0011, -2.4900), 4.7461),
+        ((50, 2.5, 0), (73, 25, -18), 27.1492),
+        ((90.8027, -2.0831, 1.4410), (91.1528, -1.6435, 0.0447), 1.4441),
+        ((2.0776, 0.0795, -1.1350), (0.9033, -0.0636, -0.5514), 0.9082),
+    ],
+)
+def test_difference_of_published_pairs(one, other, apart):
+    assert ciede2000(np.array(one, float), np.array(other, float)) == pytest.approx(apart, abs=5e-5)
+
+
+def test_differences_broadcast():
+    assert ciede2000(np.ones((4, 1, 3)), np.ones((5, 3))).shape == (4, 5)
+
+
+def test_bradford_is_that_of_colour_science():
+    one, other = np.array([0.95, 1.0, 1.09]), np.array([1.1, 1.0, 0.35])
+    theirs = colour.adaptation.matrix_chromatic_adaptation_VonKries(one, other, transform="Bradford")
+    np.testing.assert_allclose(gc.bradford(one, other), theirs, atol=1e-14)
+
+
+def test_back_from_srgb_and_lab():
+    encoded = np.random.default_rng(4).uniform(0, 1, (500, 3))
+    encoded[0] = 0.0404
+    white = gc.srgb_to_xyz(np.ones(3))
+    there = gc.srgb_to_xyz(encoded)
+    np.testing.assert_allclose(gc.xyz_to_srgb(there, white), encoded, atol=1e-12)
+    lab = np.asarray(gc.xyz_to_lab(there, white))
+    np.testing.assert_allclose(gc.lab_to_xyz(lab, white), there, atol=1e-13)
+    np.testing.assert_allclose(gc.lab_to_xyz(lab, white), colour.Lab_to_XYZ(lab, colour.XYZ_to_xy(white)), atol=1e-13)
+    np.testing.assert_allclose(white, colour.xy_to_XYZ(np.array(gc.SRGB_WHITE)), atol=1e-14)
+
+
+def test_numpy_and_jax_compute_the_same_colours():
+    grid = np.arange(400.0, 701.0, 10.0)
+    spectra = np.random.default_rng(5).uniform(0, 1.2, (7, grid.size))
+    spectra[0] = 0.0
+    for function in (gc.xyz, gc.lab, gc.srgb, lambda *given: gc.srgb(*given, clip=False)):
+        small, compiled = function(grid, spectra), function(grid, jnp.asarray(spectra))
+        assert (type(small), small.dtype) == (type(compiled), compiled.dtype)
+        np.testing.assert_allclose(small, compiled, atol=1e-13)
+
+
+def test_numpy_colours_compile_nothing():
+    """A hundred small programs, of 20 ms each, are what a command would wait for."""
+    code = (
+        "import numpy as np, jax.monitoring\n"
+        "compiled = []\n"
+        "jax.monitoring.register_event_duration_secs_listener(\n"
+        "    lambda event, seconds, **_: compiled.append(event) if 'backend_compile' in event else None)\n"
+        "from glazejax import colour\n"
+        "grid = np.arange(400.0, 701.0, 10.0)\n"
+        "lab = np.asarray(colour.lab(grid, np.ones((3, 31))))\n"
+        "colour.srgb(grid, np.ones(31)), colour.xyz(grid, np.ones(31)), colour.delta_e_2000(lab, lab)\n"
+        "colour.xyz_to_lab(np.ones(3), np.ones(3)), colour.xyz_to_srgb(np.ones(3), np.ones(3))\n"
+        "assert not compiled, compiled\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 0, done.stderr
