@@ -4,8 +4,7 @@ Colour matching functions and illuminants are colour-science's tables, which `gl
 only on the grid, the illuminant and the observer is folded into one matrix of weights, so that a spectrum, or a
 million of them, becomes XYZ by one matrix product, and every function but `delta_e_2000` can be differentiated.
 
-Small NumPy input is computed by NumPy, and the answer is a JAX array as ever: JAX would compile a program for each
-operation and each shape, which takes longer than some thousand colours. Anything else is one compiled program.
+What is known and small is computed by NumPy (`glazejax.spectra.computed`), anything else is one compiled program.
 """
 
 import difflib
@@ -28,8 +27,9 @@ from .spectra import (
     Numbers,
     Spectra,
     as_array,
-    as_float_array,
+    computed,
     describe_grid,
+    small,
     validate_wavelengths,
 )
 
@@ -55,8 +55,6 @@ _START, _END = 360, 780
 _MAX_STEP = 40.0
 # Share of a tristimulus value that may rest on repeating the end bands; 420-680 nm stays below .07.
 _MAX_GUESSED = 0.1
-# Numbers up to which NumPy computes what it is given.
-_SMALL = 1 << 16
 # IEC 61966-2-1: chromaticities of the primaries and of white, and the light up to which the encoding is straight.
 SRGB_PRIMARIES = ((0.64, 0.33), (0.30, 0.60), (0.15, 0.06))
 SRGB_WHITE = (0.3127, 0.3290)
@@ -317,16 +315,13 @@ def _weighted(
 
 
 def _computed(core: Callable[..., Any], values: Numbers, *constants: Numbers) -> Float[Array, "*batch 3"]:
-    """``core(numpy or jax.numpy, values, ...)``: small NumPy input by NumPy, anything else as one compiled program."""
+    """``core(numpy or jax.numpy, values, ...)``: what is known and small by NumPy, else one compiled program."""
     arrays = [as_array(each) for each in (values, *constants)]
-    if arrays[0].size <= _SMALL and all(isinstance(array, np.ndarray) for array in arrays):
-        # The type that JAX would compute in: float32 unless the user has asked for more.
-        kind = arrays[0].dtype if np.issubdtype(arrays[0].dtype, np.floating) else np.dtype(float)
-        kind = jax.dtypes.canonicalize_dtype(kind)
-        with np.errstate(all="ignore"):
-            return jnp.asarray(core(np, *(array.astype(kind) for array in arrays)))
-    first = as_float_array(arrays[0])
-    return _compiled(core, first, *(as_float_array(each).astype(first.dtype) for each in arrays[1:]))
+    # The type that JAX computes in: float32 unless the user has asked for more.
+    kind = arrays[0].dtype if jnp.issubdtype(arrays[0].dtype, jnp.floating) else np.dtype(float)
+    kind = jax.dtypes.canonicalize_dtype(kind)
+    arrays = [array if array.dtype == kind else array.astype(kind) for array in arrays]
+    return computed(core, *arrays) if small(*arrays) else _compiled(core, *arrays)
 
 
 @partial(jax.jit, static_argnums=0)

@@ -49,13 +49,13 @@ def reflectance(
     match geometry:
         case Bidirectional():
             directions: dict[str, Any] = {"cos_incidence": geometry.cos_incidence, "cos_viewing": geometry.cos_viewing}
-            azimuth = jnp.asarray(geometry.azimuth)
-            azimuth = azimuth[..., None] if azimuth.ndim else azimuth
             if phase is None:
                 diffuse = stack_reflectance_factor(*stack, **directions, **given)
             else:
                 from .radiative.manyflux.reflectance import manyflux_reflectance_factor
 
+                azimuth = jnp.asarray(geometry.azimuth)
+                azimuth = azimuth[..., None] if azimuth.ndim else azimuth
                 diffuse = manyflux_reflectance_factor(*stack, **directions, azimuth=azimuth, **given)
         case Hemispherical():
             if phase is None:

@@ -1,6 +1,6 @@
 """Wavelength grids in nm, and checks and resampling of spectra that live on them."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, TypeAlias
 
 import jax
@@ -24,6 +24,9 @@ MAX_FRACTION = 1.7
 # A whole spectrum below 2 % is darker than any smooth varnished paint, whose surface alone gives 4 %.
 MIN_PERCENT = 2.0
 
+# Numbers up to which NumPy computes what is known.
+_SMALL = 1 << 16
+
 
 def as_array(values: Numbers) -> Array | np.ndarray:
     """Values as they are if an array, else as a NumPy array, or as a JAX one if JAX traces a part of them."""
@@ -43,6 +46,24 @@ def as_float_array(values: Numbers) -> Float[Array, "..."]:
     """Values as a JAX floating-point array; integers become the default float type."""
     array = jnp.asarray(as_array(values))
     return array if jnp.issubdtype(array.dtype, jnp.floating) else array.astype(jnp.result_type(float))
+
+
+def small(*arrays: Any) -> bool:
+    """Whether all arrays are known real numbers, and so few that NumPy is done before JAX has compiled anything."""
+    known = all(not isinstance(array, Tracer) and array.dtype.kind in "fiub" for array in arrays)
+    return known and sum(array.size for array in arrays) <= _SMALL
+
+
+def computed(function: Callable[..., Any], *arrays: Any) -> Float[Array, "..."]:
+    """``function(numpy or jax.numpy, *arrays)`` as a JAX array: by NumPy where all arrays are known and small.
+
+    JAX compiles a program for each operation and each shape. That takes some 20 ms, and is what the first answer waits
+    for; NumPy takes microseconds.
+    """
+    if not small(*arrays):
+        return function(jnp, *arrays)
+    with np.errstate(all="ignore"):
+        return jnp.asarray(function(np, *map(np.asarray, arrays)))
 
 
 def validate_wavelengths(wavelengths: Grid) -> Float[np.ndarray, "bands"]:

@@ -11,6 +11,7 @@ phase function is given.
 import functools
 import operator
 from collections.abc import Sequence
+from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -23,6 +24,7 @@ from ..spectra import (
     Spectra,
     as_array,
     as_float_array,
+    computed,
     concrete,
     describe_grid,
     interpolation_matrix,
@@ -161,11 +163,11 @@ class Pigment(eqx.Module):
         def at(values: Float[Array, "... bands"] | None) -> Float[Array, "... new"] | None:
             if values is None:
                 return None
-            return jnp.matmul(values, jnp.asarray(matrix, dtype=values.dtype), precision="highest")
+            return computed(_times, values, matrix.astype(values.dtype))
 
         k, s, phase = at(self.absorption), at(self.scattering), self.phase
         if phase is not None and phase.ndim == 2 and phase.shape[0] > 1:
-            phase = jnp.matmul(jnp.asarray(matrix.T, dtype=phase.dtype), phase, precision="highest")
+            phase = computed(_times, matrix.T.astype(phase.dtype), phase)
         assert k is not None
         assert s is not None
         return type(self)(
@@ -256,7 +258,11 @@ class Mixture(eqx.Module):
 
     def _blend(self, spectra: Sequence[Float[Array, "... bands"]]) -> Float[Array, "*batch bands"]:
         """Sum of spectra, weighted."""
-        return functools.reduce(operator.add, [self.weights[..., i, None] * values for i, values in enumerate(spectra)])
+
+        def total(_: Any, weights: Any, *parts: Any) -> Any:
+            return functools.reduce(operator.add, [weights[..., i, None] * part for i, part in enumerate(parts)])
+
+        return computed(total, self.weights, *spectra)
 
     def resample(self, wavelengths: Grid) -> "Mixture":
         """The same mixture on another grid (nm); see `Pigment.resample`."""
@@ -370,18 +376,23 @@ class Glaze(eqx.Module):
         with respect to k, since the albedo of nothing has no limit.
         """
 
-        def ratio(medium: Pigment | Mixture) -> Float[Array, "*batch bands"]:
-            extinction = medium.absorption + medium.scattering
+        def ratio(xp: Any, k: Any, s: Any) -> Any:
+            extinction = k + s
             clear = extinction <= _CLEAR
-            return jnp.where(clear, 0.0, medium.scattering) / jnp.where(clear, 1.0, extinction)
+            return xp.where(clear, 0.0, s) / xp.where(clear, 1.0, extinction)
 
-        return self._stack([ratio(layer.medium) for layer in self.layers])
+        media = [layer.medium for layer in self.layers]
+        return self._stack([computed(ratio, medium.absorption, medium.scattering) for medium in media])
 
     @property
     def optical_thickness(self) -> Float[Array, "*batch bands layers"]:
         """Optical thickness (k + s) d, (..., bands, layers), top layer first."""
+
+        def depth(_: Any, k: Any, s: Any, thickness: Any) -> Any:
+            return (k + s) * thickness[..., None]
+
         return self._stack(
-            [(la.medium.absorption + la.medium.scattering) * la.thickness[..., None] for la in self.layers]
+            [computed(depth, la.medium.absorption, la.medium.scattering, la.thickness) for la in self.layers]
         )
 
     @property
@@ -394,11 +405,15 @@ class Glaze(eqx.Module):
         if not spectra:
             shape = jnp.broadcast_shapes(self.substrate.shape, np.shape(self.refractive_index), (1,))
             return jnp.zeros((*shape, 0), dtype=self.substrate.dtype)
-        return jnp.stack(jnp.broadcast_arrays(*spectra), axis=-1)
+        return computed(lambda xp, *each: xp.stack(xp.broadcast_arrays(*each), axis=-1), *spectra)
 
     def __repr__(self) -> str:
         ground = f"substrate {self.substrate}" if self.substrate.ndim == 0 else f"substrate {self.substrate.shape}"
         return f"Glaze([{', '.join(map(repr, self.layers))}], {ground}, n = {self.refractive_index})"
+
+
+def _times(xp: Any, one: Any, other: Any) -> Any:
+    return one @ other if xp is np else jnp.matmul(one, other, precision="highest")
 
 
 def _check_grids(grids: Sequence[tuple[str, Float[np.ndarray, "..."]]]) -> None:

@@ -1,5 +1,6 @@
 """What the functions of this package are given: one check of values and one rule of shapes for all of them."""
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple, TypeAlias, get_args
 
@@ -14,6 +15,9 @@ Numbers: TypeAlias = ArrayLike | Sequence[Any]
 
 INDEX_RANGE = (1.0, 2.5)
 """Refractive indices the directions were calibrated for."""
+
+# Numbers up to which NumPy does what must be done to a known array.
+_SMALL = 1 << 16
 
 _RANGES: dict[str, tuple[str, Callable[[np.ndarray], np.ndarray]]] = {
     "albedo": ("in [0, 1]", lambda x: (x >= 0) & (x <= 1)),
@@ -139,14 +143,25 @@ def batch_of_stacks(
     """
     check_values(given)
     dtype = dtype or jnp.result_type(float)
-    arrays = {name: xp.asarray(value, dtype) for name, value in given.items() if value is not None}
+    arrays = {name: _as_array(value, dtype, xp) for name, value in given.items() if value is not None}
     albedo, thickness, layers = at_least_one_layer(*(arrays[name] for name in _OF_LAYERS), xp=xp)
     arrays |= {"albedo": albedo, "optical_thickness": thickness}
     own = {name: array.shape[:-1] if name in _OF_LAYERS else array.shape for name, array in arrays.items()}
     return BatchOfStacks(arrays, batch_shape({**own, **(shapes or {})}), layers)
 
 
+def _as_array(value: Any, dtype: Any, xp: Any) -> Any:
+    # NumPy changes the type of its own numbers: JAX would compile a program for that.
+    return xp.asarray(np.asarray(value, dtype) if isinstance(value, np.ndarray | np.generic) else value, dtype)
+
+
 def flat_batch(array: Any, batch: tuple[int, ...], *last: int) -> Any:
-    """An array (..., *last) that broadcasts against the batch, with the batch as one axis."""
+    """An array (..., *last) that broadcasts against the batch, with the batch as one axis.
+
+    What is known and small becomes a NumPy array: each other shape would be another two programs to compile.
+    """
+    full, flat = (*batch, *last), (math.prod(batch), *last)
+    if math.prod(full) <= _SMALL and not isinstance(array, Tracer):
+        array = np.asarray(array)
     xp = jnp if isinstance(array, jax.Array) else np
-    return xp.broadcast_to(array, (*batch, *last)).reshape(int(np.prod(batch)), *last)
+    return xp.broadcast_to(array, full).reshape(flat)
