@@ -3,7 +3,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from glazefit.film.response import FilmResponse, film_response
+from glazefit.film.optics import Optics
+from glazefit.film.response import _BEND, _NODES, HIGHEST, SHIPPED, FilmResponse, _shipped, film_response
 from glazejax import Bidirectional, Hemispherical
 from glazejax.radiative.stack import stack_hemispherical_reflectance, stack_reflectance_factor
 
@@ -87,3 +88,37 @@ def test_reflectance_factor():
 def test_many_angles_are_refused():
     with pytest.raises(ValueError, match="numbers, not as arrays"):
         film_response(Hemispherical([0.0, 8.0]))
+
+
+@pytest.mark.parametrize("name", SHIPPED)
+def test_tables_that_ship_are_the_solver_s(name):
+    """At a hundred nodes, over three grounds: to rounding, not only to the solver's tolerance."""
+    optics = Optics.of(*SHIPPED[name])
+    values = _shipped(optics)
+    assert values is not None
+    rows, columns = np.random.default_rng(2).integers(0, _NODES, (2, 100))
+    rows[:4], columns[:4] = (0, 0, -1, -1), (0, -1, 0, -1)
+    kd, sd = (
+        _BEND * np.expm1(np.linspace(0.0, np.log1p(highest / _BEND), _NODES))[place]
+        for highest, place in zip(HIGHEST, (rows, columns), strict=True)
+    )
+    grounds = np.array([0.0, 0.5, 1.0])
+    black, gain, back = values[:, rows, columns, None]
+    expected = np.asarray(optics.body(kd[:, None, None], sd[:, None, None], grounds, 1e-6))
+    np.testing.assert_allclose(black + gain * grounds / (1 - back * grounds), expected, atol=1e-9)
+
+
+def test_other_instruments_ship_no_table():
+    assert _shipped(Optics.of(SPHERE, 1.51)) is None
+    assert _shipped(Optics.of(Bidirectional(45, 1), 1.5)) is None
+    assert _shipped(Optics.of(Hemispherical(8.0, specular=False), 1.5)) is not None
+
+
+def test_numpy_and_jax_read_the_same_film(table):
+    kd, sd, ground = random_films(50)
+    known = table.body(kd, sd, ground)
+    traced = jax.jit(lambda *films: table.body(*films))(kd, sd, ground)
+    assert isinstance(known, jax.Array)
+    np.testing.assert_allclose(known, traced, atol=1e-14)
+    body = known[:5]
+    np.testing.assert_allclose(table.internal(body), jax.jit(lambda body: table.internal(body))(body), atol=1e-13)

@@ -12,16 +12,19 @@ over, so it asks the table; stacks of several coats are solved.
 
 import abc
 import functools
+from importlib.resources import files
 from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Float, Int
 
-from glazejax.geometry import Bidirectional, Geometry
+from glazejax.geometry import Bidirectional, Geometry, Hemispherical
 from glazejax.radiative.common.inputs import concrete
+from glazejax.spectra import as_array, computed, small
 
 from .optics import Optics
 
@@ -33,6 +36,9 @@ _BEND = 0.01
 _NODES = 80
 _TOLERANCE = 1e-6
 _CHUNK = 3200
+
+SHIPPED = {"d8": (Hemispherical(), 1.5), "45_0": (Bidirectional(45, 0), 1.5)}
+"""Instruments whose table lies beside this file: those that `glazefit` takes when it is told none."""
 
 
 def ground_below(
@@ -69,13 +75,12 @@ class FilmResponse(Response):
         self, absorption: Float[Array | np.ndarray, "*batch"], scattering: Float[Array | np.ndarray, "*batch"]
     ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"], Float[Array, "*batch"]]:
         """Black, gain and back of films, each (...), from k d and s d, (...), >= 0."""
-        row, row_weights = _locate(absorption, HIGHEST[0])
-        column, column_weights = _locate(scattering, HIGHEST[1])
-        patch = self.patches.at[row * (_NODES - 1) + column].get(mode="promise_in_bounds")
-        # A sum of products: XLA on the CPU takes six times as long for the same as an einsum.
-        weights = row_weights[..., :, None] * column_weights[..., None, :]
-        values = jnp.sum(patch * weights[..., None], axis=(-3, -2))
-        return values[..., 0], values[..., 1], values[..., 2]
+        if small(as_array(absorption), as_array(scattering)) and not isinstance(self.patches, Tracer):
+            known = map(np.asarray, (self.patches, absorption, scattering))
+            black, gain, back = map(jnp.asarray, _numbers(np, *known))
+        else:
+            black, gain, back = _numbers(jnp, self.patches, absorption, scattering)
+        return black, gain, back
 
     def body_and_slopes(
         self, absorption: Float[Array, "*batch"], scattering: Float[Array, "*batch"], ground: Float[Array, "*#batch"]
@@ -107,24 +112,38 @@ class FilmResponse(Response):
             absorption, scattering: optical thicknesses k d and s d, (...), >= 0.
             ground: internal reflectance of the Lambertian ground, (...), in [0, 1].
         """
-        films = jnp.broadcast_arrays(jnp.asarray(absorption), jnp.asarray(scattering))
-        black, gain, back = self.numbers(*films)
-        return black + gain * ground / (1.0 - back * ground)
+        films = np.broadcast_arrays if small(*map(as_array, (absorption, scattering))) else jnp.broadcast_arrays
+        black, gain, back = self.numbers(*films(as_array(absorption), as_array(scattering)))
+        return computed(_over, black, gain, back, as_array(ground))
 
     def internal(self, body: Float[Array, "*batch"]) -> Float[Array, "*batch"]:
         """Internal reflectance of the Lambertian ground that, bare, reads `body` without the outer surface's part."""
-        nothing = jnp.zeros((), body.dtype)
-        black, gain, back = self.numbers(nothing, nothing)
-        return ground_below(body - black, gain, back)
+        nothing = np.zeros((), body.dtype)
+        numbers = self.numbers(nothing, nothing)
+        return computed(lambda _, body, black, gain, back: ground_below(body - black, gain, back), body, *numbers)
 
 
-def _locate(
-    thickness: Float[Array | np.ndarray, "*batch"], highest: float
-) -> tuple[Int[Array, "*batch"], Float[Array, "*batch 4"]]:
-    """Cell and the four cubic B-spline weights of each value."""
-    cell, near, far = _place(thickness, highest)
+def _over(_: Any, black: Any, gain: Any, back: Any, ground: Any) -> Any:
+    return black + gain * ground / (1.0 - back * ground)
+
+
+def _numbers(xp: Any, patches: Any, absorption: Any, scattering: Any) -> tuple[Any, Any, Any]:
+    """`FilmResponse.numbers` by NumPy or JAX."""
+    row, row_weights = _locate(absorption, HIGHEST[0], xp)
+    column, column_weights = _locate(scattering, HIGHEST[1], xp)
+    cells = row * (_NODES - 1) + column
+    patch = patches[cells] if xp is np else patches.at[cells].get(mode="promise_in_bounds")
+    # A sum of products: XLA on the CPU takes six times as long for the same as an einsum.
+    weights = row_weights[..., :, None] * column_weights[..., None, :]
+    values = xp.sum(patch * weights[..., None], axis=(-3, -2))
+    return values[..., 0], values[..., 1], values[..., 2]
+
+
+def _locate(thickness: Any, highest: float, xp: Any = jnp) -> tuple[Any, Any]:
+    """Cell and the four cubic B-spline weights of each value, (...) and (..., 4)."""
+    cell, near, far = _place(thickness, highest, xp)
     weights = (near**3, 4.0 - 6.0 * far**2 + 3.0 * far**3, 4.0 - 6.0 * near**2 + 3.0 * near**3, far**3)
-    return cell, jnp.stack(weights, axis=-1) / 6.0
+    return cell, xp.stack(weights, axis=-1) / 6.0
 
 
 def _weighted(
@@ -142,18 +161,16 @@ def _scale(highest: float) -> float:
     return float((_NODES - 1) / np.log1p(highest / _BEND))
 
 
-def _place(
-    thickness: Float[Array | np.ndarray, "*batch"], highest: float
-) -> tuple[Int[Array, "*batch"], Float[Array, "*batch"], Float[Array, "*batch"]]:
+def _place(thickness: Any, highest: float, xp: Any = jnp) -> tuple[Any, Any, Any]:
     """Cell of each value, and how far it lies from the cell's upper and from its lower end."""
-    place = jnp.clip(jnp.log1p(thickness / _BEND) * _scale(highest), 0.0, _NODES - 1)
-    cell = jnp.minimum(jnp.floor(jax.lax.stop_gradient(place)), _NODES - 2)
+    place = xp.clip(xp.log1p(thickness / _BEND) * _scale(highest), 0.0, _NODES - 1)
+    cell = xp.minimum(xp.floor(place if xp is np else jax.lax.stop_gradient(place)), _NODES - 2)
     far = place - cell
-    return cell.astype(jnp.int32), 1.0 - far, far
+    return cell.astype(np.int32), 1.0 - far, far
 
 
 def film_response(geometry: Geometry, refractive_index: float = 1.5) -> FilmResponse:
-    """Table for an instrument, made once (some seconds) and kept.
+    """Table for an instrument: those of `SHIPPED` are read, any other is made once (some seconds) and kept.
 
     Args:
         geometry: angles must be known numbers; its `specular` flag does not matter here.
@@ -173,7 +190,9 @@ def film_response(geometry: Geometry, refractive_index: float = 1.5) -> FilmResp
 def _patches(optics: Optics) -> Float[np.ndarray, "cells 4 4 3"]:
     """Spline coefficients from solved films."""
     inverse = np.linalg.inv(_not_a_knot(_NODES))[:, :_NODES]
-    coefficients = np.einsum("ai,bj,cij->abc", inverse, inverse, _solve(optics), optimize=True)
+    values = _shipped(optics)
+    values = solved_table(optics) if values is None else values
+    coefficients = np.einsum("ai,bj,cij->abc", inverse, inverse, values, optimize=True)
     windows = np.lib.stride_tricks.sliding_window_view(coefficients, (4, 4), axis=(0, 1))
     return np.ascontiguousarray(np.moveaxis(windows, 2, -1)).reshape(-1, 4, 4, 3)
 
@@ -190,8 +209,17 @@ def _not_a_knot(nodes: int) -> Float[np.ndarray, "n n"]:
     return matrix
 
 
-def _solve(optics: Optics) -> Float[np.ndarray, "3 nodes nodes"]:
-    """Black, gain and back at the nodes."""
+def _shipped(optics: Optics) -> Float[np.ndarray, "3 nodes nodes"] | None:
+    """What `python -m benchmarks.film_tables` wrote for these optics, if it did."""
+    for name, (geometry, index) in SHIPPED.items():
+        if Optics.of(geometry, index) == optics:
+            with files(__package__).joinpath("tables.npz").open("rb") as file:
+                return np.load(file)[name]
+    return None
+
+
+def solved_table(optics: Optics) -> Float[np.ndarray, "3 nodes nodes"]:
+    """Black, gain and back at the nodes, by the solver."""
     kd, sd = np.meshgrid(
         *(_BEND * np.expm1(np.linspace(0.0, np.log1p(highest / _BEND), _NODES)) for highest in HIGHEST), indexing="ij"
     )

@@ -4,7 +4,6 @@ import itertools
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
@@ -78,7 +77,7 @@ def score(model: StackModel, optics: Optics, aims: TargetArrays, stacks: Stacks)
 def _scored(
     model: StackModel, aims: TargetArrays, stacks: Stacks, reading: Float[np.ndarray, "n bands"]
 ) -> list[Scored]:
-    reached = np.asarray(lab_of(model, jnp.asarray(reading)))
+    reached = np.asarray(lab_of(model, reading))
     delta_e = delta_e_2000(reached, np.asarray(aims.lab)[stacks.target])
     miss = reading - np.asarray(aims.spectrum)[stacks.target]
     spectral = np.asarray(aims.spectral)[stacks.target] * np.sum(miss**2, axis=-1)
@@ -100,7 +99,7 @@ def simplified(model: StackModel, stacks: Stacks) -> Stacks:
         unseen &= without.any(axis=(1, 2)) & sizes[:, coat].any(axis=1)
         sizes[unseen] = without[unseen]
     changed = np.flatnonzero(((sizes > 0) != (stacks.sizes > 0)).any(axis=(1, 2)))
-    simple = merged(packed(sizes[changed]), float(np.exp(model.span[1])))
+    simple = merged(packed(sizes[changed]), float(np.exp(np.asarray(model.span)[1])))
     return Stacks.unrefined(simple, stacks.target[changed], stacks.cost[changed])
 
 
@@ -117,7 +116,7 @@ def merged(sizes: Float[np.ndarray, "n coats paints"], thickest: float) -> Float
 
 
 def _first_lab(model: StackModel, sizes: Float[np.ndarray, "n coats paints"]) -> Float[np.ndarray, "n 3"]:
-    return np.asarray(lab_of(model, jnp.asarray(readings(model, sizes, None))))[:, 0]
+    return np.asarray(lab_of(model, readings(model, sizes, None)))[:, 0]
 
 
 def packed(sizes: Float[np.ndarray, "n coats paints"]) -> Float[np.ndarray, "n coats paints"]:

@@ -7,7 +7,7 @@ logarithm of a free amount; the thickness of a coat, the sum of its amounts, is 
 
 import functools
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -17,7 +17,9 @@ from jaxtyping import Array, Bool, Float, Int
 from glazejax import Hemispherical, Pigment, colour
 from glazejax.geometry import Geometry
 from glazejax.radiative.common.fresnel import dielectric_reflectance
+from glazejax.spectra import as_array, computed
 
+from ..film.ahead import Program
 from ..film.optics import Optics
 from ..film.response import FilmResponse, film_response
 
@@ -44,9 +46,9 @@ class StackModel(NamedTuple):
 class Slots(NamedTuple):
     """Which paint lies in which coat, 0 on top; unused slots fill the array up."""
 
-    paint: Int[Array, "*batch slots"]
-    coat: Int[Array, "*batch slots"]
-    used: Bool[Array, "*batch slots"]
+    paint: Int[Array | np.ndarray, "*batch slots"]
+    coat: Int[Array | np.ndarray, "*batch slots"]
+    used: Bool[Array | np.ndarray, "*batch slots"]
 
 
 def make_model(
@@ -72,24 +74,28 @@ def make_model(
     surface = 0.0
     mirror = isinstance(geometry, Hemispherical) or geometry.incidence == geometry.viewing
     if geometry.specular and mirror:
-        surface = float(dielectric_reflectance(jnp.asarray(geometry.cos_incidence), jnp.asarray(refractive_index)))
+        surface = float(dielectric_reflectance(np.asarray(geometry.cos_incidence), np.asarray(refractive_index)))
     return StackModel(
-        jnp.stack([p.absorption for p in pigments]) * 1e-6,
-        jnp.stack([p.scattering for p in pigments]) * 1e-6,
-        jnp.broadcast_to(jnp.asarray(ground, float), grid.shape),
+        jnp.asarray(np.stack([np.asarray(p.absorption) for p in pigments]) * 1e-6),
+        jnp.asarray(np.stack([np.asarray(p.scattering) for p in pigments]) * 1e-6),
+        jnp.asarray(np.broadcast_to(np.asarray(ground, float), grid.shape)),
         jnp.asarray(surface),
         jnp.asarray(weights),
         jnp.asarray(weights.sum(axis=0)),
-        jnp.log(jnp.asarray(thickness) * 1e6),
+        jnp.asarray(np.log(np.asarray(thickness) * 1e6)),
         film_response(geometry, refractive_index),
     )
 
 
 def lab_of(model: StackModel, spectra: Float[Array, "*batch bands"]) -> Float[Array, "*batch lights 3"]:
     """L*a*b* of readings under every light of the model."""
+    return colour.xyz_to_lab(computed(_xyz_of, as_array(spectra), model.weights), model.white)
+
+
+def _xyz_of(xp: Any, spectra: Any, weights: Any) -> Any:
     # One dot product a light and component; full precision also on an accelerator.
-    xyz = jnp.tensordot(spectra, model.weights, axes=1, precision="highest")
-    return colour.xyz_to_lab(xyz, model.white)
+    more = {} if xp is np else {"precision": "highest"}
+    return xp.tensordot(spectra, weights, axes=1, **more)
 
 
 def coat_thickness(model: StackModel, total: Float[Array, "*coats"]) -> Float[Array, "*coats"]:
@@ -134,9 +140,7 @@ def fill_slots(
     total = sizes.sum(axis=2)
     scale = free_total(model, np.maximum(total, 1e-9)) / np.maximum(total, 1e-9)
     free = np.take_along_axis((sizes * scale[:, :, None]).reshape(len(sizes), -1), np.where(used, order, 0), axis=1)
-    return Slots(jnp.asarray(paint), jnp.asarray(coat), jnp.asarray(used)), np.where(
-        used, np.log(np.where(used, free, 1.0)), 0.0
-    )
+    return Slots(paint, coat, used), np.where(used, np.log(np.where(used, free, 1.0)), 0.0)
 
 
 def empty_slots(
@@ -187,11 +191,20 @@ def readings(
     size = READ_CHUNK if optics else 4 * READ_CHUNK
     for first in range(0, len(sizes), size):
         rows = np.arange(first, first + size).clip(max=len(sizes) - 1)
-        done.append(np.asarray(_read(model, jnp.asarray(sizes[rows]), optics))[: len(sizes) - first])
+        done.append(np.asarray(_read(model, sizes[rows], optics))[: len(sizes) - first])
     return np.concatenate(done) if done else np.zeros((0, model.ground.size))
 
 
+def readings_ahead(model: StackModel, coats: int, optics: Optics | None) -> None:
+    """Begin to compile what `readings` of stacks of so many coats runs."""
+    size = READ_CHUNK if optics else 4 * READ_CHUNK
+    _read.ahead(model, np.ones((size, coats, len(model.absorption))), optics)
+
+
+@Program
 @functools.partial(jax.jit, static_argnames="optics")
-def _read(model: StackModel, sizes: Float[Array, "n coats paints"], optics: Optics | None) -> Float[Array, "n bands"]:
+def _read(
+    model: StackModel, sizes: Float[Array | np.ndarray, "n coats paints"], optics: Optics | None
+) -> Float[Array, "n bands"]:
     kd, sd = sizes @ model.absorption, sizes @ model.scattering
     return quick_reading(model, kd, sd) if optics is None else true_reading(model, kd, sd, optics)

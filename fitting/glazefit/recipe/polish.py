@@ -17,6 +17,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from glazejax.colour import delta_e_2000
 
+from ..film.ahead import Program
 from ..film.optics import Optics
 from .metric import colour_metric
 from .model import READ_CHUNK, Slots, StackModel, empty_slots, fill_slots, lab_of, true_reading
@@ -101,8 +102,7 @@ def polish(model: StackModel, optics: Optics, aims: TargetArrays, stacks: Stacks
         steps[rows] += 1
         for old, found in zip(look, new, strict=True):
             old[rows] = found[better]
-    filled = Slots(*(jnp.asarray(values) for values in place.slots))
-    sizes = empty_slots(filled, place.member * _amounts(place, point)[0][:, None], stacks.sizes.shape[2])
+    sizes = empty_slots(Slots(*place.slots), place.member * _amounts(place, point)[0][:, None], stacks.sizes.shape[2])
     good = np.isfinite(look.cost)
     return Stacks(
         np.where(good[:, None, None], sizes, stacks.sizes),
@@ -181,8 +181,8 @@ def _look(model: StackModel, optics: Optics, place: _Place, point: Float[np.ndar
     for first in range(0, len(point), READ_CHUNK):
         # Always as many, so that one program serves all.
         rows = np.arange(first, first + READ_CHUNK).clip(max=len(point) - 1)
-        slots = Slots(*(jnp.asarray(values[rows]) for values in place.slots))
-        solved = solve(model, slots, jnp.asarray(amount[rows]), optics, coats=place.member.shape[1])
+        slots = Slots(*(values[rows] for values in place.slots))
+        solved = solve(model, slots, amount[rows], optics, coats=place.member.shape[1])
         done.append([np.asarray(values)[: len(point) - first] for values in solved])
     reading, by_amount, lab, lab_by_reading = (np.concatenate(values) for values in zip(*done, strict=True))
     colours, moves = colour_misfit(lab, place.lab)
@@ -205,9 +205,16 @@ def _look(model: StackModel, optics: Optics, place: _Place, point: Float[np.ndar
     return _Look(np.where(good, cost, np.inf), delta_e, (flipped @ residual[..., None])[..., 0], flipped @ slopes)
 
 
+def polish_ahead(model: StackModel, optics: Optics, slots: int, coats: int) -> None:
+    """Begin to compile what `polish` of stacks of so many coats runs."""
+    none = np.zeros((READ_CHUNK, slots), int)
+    solve.ahead(model, Slots(none, none, none > 0), np.zeros(none.shape), optics, coats=coats)
+
+
+@Program
 @functools.partial(jax.jit, static_argnames=("optics", "coats"))
 def solve(
-    model: StackModel, slots: Slots, amount: Float[Array, "n slots"], optics: Optics, *, coats: int
+    model: StackModel, slots: Slots, amount: Float[Array | np.ndarray, "n slots"], optics: Optics, *, coats: int
 ) -> tuple[
     Float[Array, "n bands"],
     Float[Array, "n slots bands"],

@@ -19,9 +19,9 @@ from glazejax.paint.describe import Coat
 
 from ..film.variation import MIXED, Variation
 from .choose import IN_GAMUT, Scored, rounded, score, select, simplified
-from .model import StackModel, readings
-from .polish import polish
-from .refine import grown, refine
+from .model import StackModel, readings, readings_ahead
+from .polish import polish, polish_ahead
+from .refine import grown, refine, refine_ahead
 from .screen import MOST_SCREENED, Stacks, TargetArrays, screen
 from .targets import Target
 from .task import DEFAULT_THICKNESS, Pigments, RecipeOptions, Task, Wanted, as_targets, make_task
@@ -195,6 +195,12 @@ def recipe_chunks(task: Task) -> Iterator[list[list[Recipe]]]:
 def _searched(task: Task) -> Iterator[list[list[Recipe]]]:
     """Recipes for a few targets at a time, of mixed coats or of unmixed ones."""
     model, aims = task.model(), task.target_arrays()
+
+    # While the first look is compiled and taken, another thread compiles what comes after it.
+    refine_ahead(model, aims, task.slots, task.max_layers)
+    polish_ahead(model, task.optics, task.slots, task.max_layers)
+    readings_ahead(model, task.max_layers, None)
+    readings_ahead(model, task.max_layers, task.optics)
 
     def keep(coats: int, paints: int) -> int:
         return _KEEP[coats, paints]

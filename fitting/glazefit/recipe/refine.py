@@ -11,10 +11,10 @@ import functools
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
 from jaxtyping import Array, Bool, Float
 
-from ..film.least_squares import GramSchmidt
+from ..film.ahead import Program
+from ..film.marquardt import levenberg_marquardt
 from .choose import packed
 from .model import (
     Slots,
@@ -38,7 +38,6 @@ _COSTS = 1024
 # Share of a coat's strength that an added paint gets, and places between thinnest and thickest for an added coat.
 _SHARE = 0.15
 _PLACES = (0.15, 0.5)
-_LM = optx.LevenbergMarquardt(rtol=1e-3, atol=1e-3, linear_solver=GramSchmidt())
 
 
 def refine(model: StackModel, aims: TargetArrays, stacks: Stacks, slots: int) -> Stacks:
@@ -52,14 +51,15 @@ def refine(model: StackModel, aims: TargetArrays, stacks: Stacks, slots: int) ->
     if stacks.size == 0:
         return stacks
     places, starts = fill_slots(model, stacks.sizes, slots)
+    known = TargetArrays(*map(np.asarray, aims))
     done = []
     for first in range(0, stacks.size, _CHUNK):
         rows = np.arange(first, first + _CHUNK).clip(max=stacks.size - 1)
         some = Slots(*(values[rows] for values in places))
         # Each candidate carries its target, so that the program does not depend on how many there are.
         at = stacks.target[rows]
-        aim = TargetArrays(*(values[at] for values in aims))
-        solved = _solve(model, some, jnp.asarray(starts[rows]), aim, coats=stacks.sizes.shape[1])
+        aim = TargetArrays(*(values[at] for values in known))
+        solved = _solve(model, some, starts[rows], aim, coats=stacks.sizes.shape[1])
         done.append([np.asarray(values)[: stacks.size - first] for values in solved])
     amount, cost, settled = (np.concatenate(values) for values in zip(*done, strict=True))
     sizes = empty_slots(places, amount, stacks.sizes.shape[2])
@@ -69,11 +69,19 @@ def refine(model: StackModel, aims: TargetArrays, stacks: Stacks, slots: int) ->
     return stacks._replace(sizes=sizes, cost=cost, settled=settled & good)
 
 
+def refine_ahead(model: StackModel, aims: TargetArrays, slots: int, coats: int) -> None:
+    """Begin to compile what `refine` of stacks of so many coats runs."""
+    none = np.zeros((_CHUNK, slots), int)
+    aim = TargetArrays(*(np.zeros((_CHUNK, *values.shape[1:])) for values in aims))
+    _solve.ahead(model, Slots(none, none, none > 0), np.zeros(none.shape), aim, coats=coats)
+
+
+@Program
 @functools.partial(jax.jit, static_argnames="coats")
 def _solve(
     model: StackModel,
     slots: Slots,
-    starts: Float[Array, "n slots"],
+    starts: Float[Array | np.ndarray, "n slots"],
     aims: TargetArrays,
     *,
     coats: int,
@@ -81,24 +89,20 @@ def _solve(
     """Amounts in um, cost, and whether the solver settled, of candidates with an aim each."""
     lights = aims.lab.shape[1]
 
-    def one(slots: Slots, start: Array, aim: TargetArrays) -> tuple[Array, Array, Array]:
-        weight = jnp.sqrt(aim.spectral)
+    def misfit(logs: Array, slots: Slots, aim: TargetArrays) -> Array:
+        share = amounts(model, slots, logs, coats)
         absorption, scattering = model.absorption[slots.paint], model.scattering[slots.paint]
+        reading = quick_reading(model, share @ absorption, share @ scattering)
+        miss = jnp.einsum("lij,lj->li", aim.metric, lab_of(model, reading) - aim.lab)
+        return jnp.concatenate([miss.ravel() / np.sqrt(lights), jnp.sqrt(aim.spectral) * (reading - aim.spectrum)])
 
-        def misfit(logs: Array) -> Array:
-            share = amounts(model, slots, logs, coats)
-            reading = quick_reading(model, share @ absorption, share @ scattering)
-            miss = jnp.einsum("lij,lj->li", aim.metric, lab_of(model, reading) - aim.lab)
-            return jnp.concatenate([miss.ravel() / np.sqrt(lights), weight * (reading - aim.spectrum)])
+    def residuals(logs: Array, slots: Slots, aim: TargetArrays, start: Array) -> Array:
+        return jnp.concatenate([misfit(logs, slots, aim), _PULL * (logs - start)])
 
-        def residuals(logs: Array, _: None) -> Array:
-            return jnp.concatenate([misfit(logs), _PULL * (logs - start)])
-
-        solution = optx.least_squares(residuals, _LM, start, max_steps=_STEPS, throw=False)
-        settled = solution.result == optx.RESULTS.successful
-        return amounts(model, slots, solution.value, coats), jnp.sum(misfit(solution.value) ** 2), settled
-
-    return jax.vmap(one)(slots, starts, aims)
+    given = (slots, aims, starts)
+    logs, settled = levenberg_marquardt(residuals, jnp.asarray(starts), *given, rtol=1e-3, atol=1e-3, max_steps=_STEPS)
+    cost = jnp.sum(jax.vmap(misfit)(logs, slots, aims) ** 2, axis=1)
+    return jax.vmap(lambda slots, logs: amounts(model, slots, logs, coats))(slots, logs), cost, settled
 
 
 def grown(
@@ -125,7 +129,7 @@ def grown(
     for first in range(0, len(target), _COSTS):
         # Always as many, so that one program serves all.
         rows = np.arange(first, first + _COSTS).clip(max=len(target) - 1)
-        to_all = np.asarray(_distances(model, aims, jnp.asarray(reading[rows])))
+        to_all = np.asarray(_distances(model, aims, reading[rows]))
         cost.append(to_all[np.arange(_COSTS), target[rows]][: len(target) - first])
     return Stacks.unrefined(children, target, np.concatenate(cost))
 

@@ -94,8 +94,8 @@ class Stacks(NamedTuple):
 class _Coats(NamedTuple):
     """Coats of the same number of paints: sets of paints times points of a grid."""
 
-    paints: Int[np.ndarray, "sets paints"]
-    amounts: Float[np.ndarray, "sets points paints"]  # um
+    paints: Int[np.ndarray | Array, "sets paints"]
+    amounts: Float[np.ndarray | Array, "sets points paints"]  # um
 
 
 def squared_distance(
@@ -108,13 +108,6 @@ def squared_distance(
     cross = jnp.tensordot(reading, aims.spectrum.T, axes=1)
     spectral = jnp.sum(reading**2, axis=-1)[..., None] - 2.0 * cross + jnp.sum(aims.spectrum**2, axis=-1)
     return colour + aims.spectral * jnp.maximum(spectral, 0.0)
-
-
-class _Optical(NamedTuple):
-    """Optical thicknesses of coats."""
-
-    absorption: Float[Array, "sets points bands"]
-    scattering: Float[Array, "sets points bands"]
 
 
 def screen(
@@ -140,13 +133,13 @@ def screen(
     coats = {n: _coats(model, n, seed) for n in range(1, count + 1)}
     found = []
     for some in coats.values():
-        cost, best = map(np.array, _one_coat(model, aims, _optical(model, some)))
+        cost, best = map(np.array, _one_coat(model, aims, some))
         found.append(_one_coat_stacks(model, some, cost, best, keep, max_layers))
     for n, m in itertools.product(coats, coats) if max_layers >= 2 else ():
         # The wide grid of three paints in a coat is for single coats.
         if n + m <= MOST_SCREENED:
             top, bottom = coats[n], coats[m]
-            cost, best = map(np.array, _two_coats(model, aims, _optical(model, top), _optical(model, bottom)))
+            cost, best = map(np.array, _two_coats(model, aims, top, bottom))
             cost[~_sensible(top.paints, bottom.paints, max_paints)] = np.inf
             found.append(_two_coat_stacks(model, (top, bottom), cost, best, keep, max_layers))
     return Stacks.join(found).best(keep)
@@ -154,7 +147,7 @@ def screen(
 
 def strength(model: StackModel) -> Float[np.ndarray, "paints"]:
     """How much a little of each paint shows, 1/um: by its absorption, or by its scattering where it is pale."""
-    return np.asarray(jnp.mean(model.absorption + 0.1 * model.scattering, axis=1)) + 1e-9
+    return np.mean(np.asarray(model.absorption) + 0.1 * np.asarray(model.scattering), axis=1) + 1e-9
 
 
 def _coats(model: StackModel, n: int, seed: int) -> _Coats:
@@ -178,20 +171,19 @@ def _coats(model: StackModel, n: int, seed: int) -> _Coats:
     return _Coats(paints, amounts.reshape(len(paints), -1, n))
 
 
-def _optical(model: StackModel, coats: _Coats) -> _Optical:
-    """k d and s d of every coat."""
-    amounts = jnp.asarray(coats.amounts)
-    return _Optical(amounts @ model.absorption[coats.paints], amounts @ model.scattering[coats.paints])
+def _optical(model: StackModel, coats: _Coats) -> tuple[Float[Array, "... bands"], Float[Array, "... bands"]]:
+    """k d and s d of coats."""
+    return coats.amounts @ model.absorption[coats.paints], coats.amounts @ model.scattering[coats.paints]
 
 
 @jax.jit
 def _one_coat(
-    model: StackModel, aims: TargetArrays, coats: _Optical
+    model: StackModel, aims: TargetArrays, coats: _Coats
 ) -> tuple[Float[Array, "sets targets"], Int[Array, "sets targets"]]:
     """Least cost of each set, and the point where it is."""
 
-    def of_one(coat: _Optical) -> tuple[Array, Array]:
-        cost = squared_distance(model, aims, model.film.body(*coat, model.ground) + model.surface)
+    def of_one(coat: _Coats) -> tuple[Array, Array]:
+        cost = squared_distance(model, aims, model.film.body(*_optical(model, coat), model.ground) + model.surface)
         return cost.min(axis=0), cost.argmin(axis=0)
 
     return jax.lax.map(of_one, coats, batch_size=8)
@@ -199,13 +191,14 @@ def _one_coat(
 
 @jax.jit
 def _two_coats(
-    model: StackModel, aims: TargetArrays, top: _Optical, bottom: _Optical
+    model: StackModel, aims: TargetArrays, top: _Coats, bottom: _Coats
 ) -> tuple[Float[Array, "sets others targets"], Int[Array, "sets others targets"]]:
     """Least cost of each set over each other set, and the point of both grids where it is."""
-    ground = jnp.swapaxes(internal(model, model.film.body(*bottom, model.ground)), 0, 1)  # (points, others, bands)
+    below = internal(model, model.film.body(*_optical(model, bottom), model.ground))
+    ground = jnp.swapaxes(below, 0, 1)  # (points, others, bands)
 
-    def of_one(coat: _Optical) -> tuple[Array, Array]:
-        black, gain, back = (values[:, None, None, :] for values in model.film.numbers(*coat))
+    def of_one(coat: _Coats) -> tuple[Array, Array]:
+        black, gain, back = (values[:, None, None, :] for values in model.film.numbers(*_optical(model, coat)))
         reading = black + gain * ground / (1.0 - back * ground) + model.surface
         cost = squared_distance(model, aims, reading)  # (points, points of the lower, others, targets)
         cost = cost.reshape(-1, *cost.shape[2:])

@@ -1,7 +1,7 @@
 """From films over black and white to absorption and scattering, at every wavelength.
 
 Each band of each film is a problem of its own: two readings, two unknowns. All of them are solved side by side in one
-compiled program, a vmapped Levenberg-Marquardt of optimistix, in chunks of films so that progress shows and an
+compiled program, Levenberg and Marquardt's steps (`film.marquardt`), in chunks of films so that progress shows and an
 interrupt keeps what is finished.
 
 The unknowns are log(k d) and log(s d), held between bounds by a sigmoid. Two films over the same cards can have two
@@ -19,14 +19,13 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-import optimistix as optx
 from jaxtyping import Array, Bool, Float
 
 from glazejax.radiative.common.linalg import inverse_positive
 
 from ..film.films import Films, Instrument, Noise, cards
 from ..film.gloss import estimate_gloss
-from ..film.least_squares import GramSchmidt
+from ..film.marquardt import levenberg_marquardt
 from ..film.model import HIGHEST, LOWEST, ReflectanceTable, body_reflectance, tabulate
 from ..film.noise import estimate_noise
 from .result import Recovery, told_apart
@@ -40,7 +39,6 @@ _PULL, _GIVEN_PULL = 0.05, 0.2
 # Prior on log(s d) from the neighbours, a factor of e: holds where the data are silent, yields where they speak.
 PRIOR_SD = 1.0
 # In units of a standard deviation for residuals, and of log k d and log s d.
-_SOLVER = optx.LevenbergMarquardt(rtol=1e-4, atol=1e-3, linear_solver=GramSchmidt())
 _BOUNDS = np.log(np.array([LOWEST, HIGHEST]))
 
 
@@ -129,29 +127,32 @@ def starts(data: BandReadings, table: ReflectanceTable, prior: ScatteringPrior) 
 
 
 def _polish(
-    start: Float[Array, "2"],
+    start: Float[Array, "n 2"],
     data: BandReadings,
-    weights: Float[Array, "2"],
+    weights: Float[Array, "n 2"],
     prior: ScatteringPrior,
     instrument: Instrument,
-) -> tuple[Float[Array, "2"], Bool[Array, ""]]:
-    """Least squares of one band from one start: log optical thicknesses, and whether it converged.
+) -> tuple[Float[Array, "n 2"], Bool[Array, "n"]]:
+    """Least squares of bands, each from one start: log optical thicknesses, and whether they converged.
 
     A weak pull to the start settles directions that the data leave open; it moves a value that they determine to half
     its size by less than a hundredth of its error.
     """
-    given = prior.weight > 0
-    pull = jnp.stack([jnp.where(given, _GIVEN_PULL, _PULL), jnp.where(given, prior.weight, _PULL)])
-    centre = jnp.stack([start[0], jnp.where(given, prior.mean, start[1])])
 
-    def residuals(free: Array, _: None) -> Array:
+    def residuals(
+        free: Array, start: Array, data: BandReadings, weights: Array, prior: ScatteringPrior
+    ) -> Float[Array, "rows"]:
+        given = prior.weight > 0
+        pull = jnp.stack([jnp.where(given, _GIVEN_PULL, _PULL), jnp.where(given, prior.weight, _PULL)])
+        centre = jnp.stack([start[0], jnp.where(given, prior.mean, start[1])])
         logs = _bounded(free)
         k, s = jnp.exp(logs)
         misfit = (body_reflectance(k, s, data.ground, instrument) - data.reading) * weights
         return jnp.concatenate([misfit, pull * (logs - centre)])
 
-    solution = optx.least_squares(residuals, _SOLVER, _free(start), max_steps=_STEPS, throw=False)
-    return _bounded(solution.value), solution.result == optx.RESULTS.successful
+    given = (start, data, weights, prior)
+    free, settled = levenberg_marquardt(residuals, _free(start), *given, rtol=1e-4, atol=1e-3, max_steps=_STEPS)
+    return _bounded(free), settled
 
 
 def _spread(
@@ -183,9 +184,7 @@ def solve(data: BandReadings, table: ReflectanceTable, prior: ScatteringPrior, i
     # Both starts of a band are bands of their own until the better one is chosen.
     twice = jax.tree.map(lambda a: jnp.repeat(a, 2, axis=0), (data, start.weights, prior))
     both, weights, priors = twice
-    logs, converged = jax.vmap(_polish, in_axes=(0, 0, 0, 0, None))(
-        start.logs.reshape(-1, 2), both, weights, priors, instrument
-    )
+    logs, converged = _polish(start.logs.reshape(-1, 2), both, weights, priors, instrument)
     optical = jnp.exp(logs)
     fitted, covariance = _spread(optical, both, instrument)
     misfit = jnp.sum(((fitted - both.reading) * weights) ** 2, axis=-1)
