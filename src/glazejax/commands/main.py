@@ -5,13 +5,13 @@ inverse one. Heavy imports belong inside the commands that need them.
 """
 
 import gc
-import os
+import logging
 import sys
 from importlib.metadata import entry_points, version
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
 
 from ..extras import advice
+from .cache import keep_programs
 
 if TYPE_CHECKING:
     import typer
@@ -30,10 +30,7 @@ def start_jax() -> None:
     # XLA reports every program it takes from that cache as an error, harmlessly, and for pages.
     jax.config.update("jax_logging_level", "CRITICAL")
     jax.config.update("jax_enable_x64", True)
-    folder = os.environ.get("GLAZEJAX_CACHE") or Path.home() / ".cache" / "glazejax" / "xla"
-    jax.config.update("jax_compilation_cache_dir", str(folder))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
-    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+    keep_programs()
 
 
 def make_app() -> "typer.Typer":
@@ -72,6 +69,8 @@ def main() -> None:
     """Entry point: run a sub-command; what the user can mend ends as one line and exit status 2."""
     # Python's search for circles of garbage, at its default of every 700 objects, is a fifth of a command's work.
     gc.set_threshold(100_000, 20, 50)
+    # It says for lines how it gets on where it can't keep a list of fonts.
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
     try:
         app = make_app()
         _run(app)

@@ -1,0 +1,68 @@
+"""Compiled programs kept between runs: in the user's folder if that can be written, else the run goes on without.
+
+What goes wrong with the folder costs the time that it saves, and one sentence.
+"""
+
+import os
+import re
+import sys
+import tempfile
+import warnings
+from pathlib import Path
+from typing import Any
+
+_COMPLAINT = re.compile(r"Error (reading|writing) persistent compilation cache entry for '([^']*)': (.*)", re.DOTALL)
+_told = False
+
+
+def keep_programs() -> None:
+    """Let JAX keep what it compiles in ``GLAZEJAX_CACHE``, or else in ``~/.cache/glazejax/xla``."""
+    import jax
+
+    try:
+        named = os.environ.get("GLAZEJAX_CACHE")
+        folder = Path(named) if named else Path.home() / ".cache" / "glazejax" / "xla"
+        folder.mkdir(parents=True, exist_ok=True)
+        # A folder's permissions do not tell whether its disk is read-only or full.
+        with tempfile.TemporaryFile(dir=folder) as file:
+            file.write(bytes(4096))
+    except (OSError, RuntimeError) as error:
+        _tell(str(getattr(error, "strerror", None) or error))
+        return
+    jax.config.update("jax_compilation_cache_dir", str(folder))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+    _listen(folder)
+
+
+def _listen(folder: Path) -> None:
+    """Say JAX's warnings about the cache once and in our words, and take out what was written in part."""
+    # Python shows a warning of one place once only, unless told otherwise.
+    warnings.filterwarnings("always", message="Error (reading|writing) persistent compilation cache")
+    shown = warnings.showwarning
+
+    def show(message: Warning | str, *rest: Any, **more: Any) -> None:
+        found = _COMPLAINT.match(str(message))
+        if found is None:
+            shown(message, *rest, **more)
+            return
+        _tell(found[3])
+        # JAX never writes an entry again that is there, however short a full disk has left it.
+        for path in folder.glob(f"{found[2]}-*"):
+            try:
+                path.unlink()
+            except OSError:
+                continue
+
+    warnings.showwarning = show
+
+
+def _tell(reason: str) -> None:
+    global _told
+    if not _told:
+        print(
+            f"note: compiled programs are not kept ({reason}), so that the next run compiles them again; "
+            "GLAZEJAX_CACHE names another folder",
+            file=sys.stderr,
+        )
+    _told = True

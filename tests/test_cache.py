@@ -1,0 +1,75 @@
+"""A home folder that is read-only, missing or full costs the cache of compiled programs, never the run."""
+
+import os
+import re
+import subprocess
+import sys
+
+import pytest
+
+_NOTE = re.compile(r"note: compiled programs are not kept \([^)]+\), so that .* names another folder\n")
+_RUN = """
+import resource, sys
+from glazejax.commands.main import start_jax
+start_jax()
+if len(sys.argv) > 1:
+    size = int(sys.argv[1])
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
+import jax, jax.numpy as jnp
+for power in range(3):
+    assert float(jax.jit(lambda x: jnp.sin(x) ** power + x)(jnp.zeros(()))) == (power == 0)
+print("done")
+"""
+
+
+def run(home, *words, **more):
+    environment = {k: v for k, v in os.environ.items() if k not in ("GLAZEJAX_CACHE", "JAX_COMPILATION_CACHE_DIR")}
+    environment |= {"HOME": str(home), **more}
+    done = subprocess.run(
+        [sys.executable, "-c", _RUN, *words], capture_output=True, text=True, check=False, env=environment
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == "done\n"
+    return done.stderr
+
+
+def programs(home):
+    return sorted((home / ".cache" / "glazejax" / "xla").glob("*-cache"))
+
+
+def test_a_home_that_takes_it_keeps_programs(tmp_path):
+    assert run(tmp_path) == ""
+    assert len(programs(tmp_path)) >= 3
+
+
+@pytest.mark.parametrize("home", ["/dev/null", "/proc/nothing"])
+def test_a_home_that_is_none(home):
+    assert _NOTE.fullmatch(run(home))
+
+
+def test_a_read_only_home(tmp_path):
+    if os.geteuid() == 0:
+        pytest.skip("root may write anywhere")
+    tmp_path.chmod(0o500)
+    assert _NOTE.fullmatch(run(tmp_path))
+
+
+def test_a_folder_that_is_named_counts(tmp_path):
+    assert run("/dev/null", GLAZEJAX_CACHE=str(tmp_path / "new")) == ""
+    assert list((tmp_path / "new").glob("*-cache"))
+
+
+def test_a_disk_that_fills_up_and_is_emptied(tmp_path):
+    """What could be written in part only is taken out again: the next run would stumble over it for ever."""
+    assert _NOTE.fullmatch(run(tmp_path, "600"))
+    assert all(path.stat().st_size < 600 for path in programs(tmp_path))
+    assert run(tmp_path) == ""
+    assert len(programs(tmp_path)) >= 3
+
+
+def test_an_entry_cut_short_is_told_once_and_mended(tmp_path):
+    run(tmp_path)
+    for path in programs(tmp_path):
+        path.write_bytes(path.read_bytes()[:50])
+    assert _NOTE.fullmatch(run(tmp_path))
+    assert run(tmp_path) == ""
