@@ -82,4 +82,4 @@ def check_picture(path: str | Path, *, overwrite: bool = False) -> Path:
 
 def hex_colour(rgb: Real[Array | np.ndarray, "3"] | Sequence[float]) -> str:
     """Encoded sRGB in [0, 1] as #rrggbb."""
-    return "#" + "".join(f"{round(float(np.clip(c, 0, 1)) * 255):02x}" for c in rgb)
+    return "#" + "".join(f"{round(float(np.clip(c, 0, 1)) * 255):02x}" for c in np.asarray(rgb))

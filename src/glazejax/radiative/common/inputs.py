@@ -151,8 +151,8 @@ def batch_of_stacks(
 
 
 def _as_array(value: Any, dtype: Any, xp: Any) -> Any:
-    # NumPy changes the type of its own numbers: JAX would compile a program for that.
-    return xp.asarray(np.asarray(value, dtype) if isinstance(value, np.ndarray | np.generic) else value, dtype)
+    # NumPy changes the type of its own numbers and of Python's: JAX would compile a program for that.
+    return xp.asarray(np.asarray(value, dtype) if isinstance(value, np.ndarray | np.generic | float | int) else value, dtype)
 
 
 def flat_batch(array: Any, batch: tuple[int, ...], *last: int) -> Any:
