@@ -152,7 +152,8 @@ def batch_of_stacks(
 
 def _as_array(value: Any, dtype: Any, xp: Any) -> Any:
     # NumPy changes the type of its own numbers and of Python's: JAX would compile a program for that.
-    return xp.asarray(np.asarray(value, dtype) if isinstance(value, np.ndarray | np.generic | float | int) else value, dtype)
+    plain = isinstance(value, np.ndarray | np.generic | float | int)
+    return xp.asarray(np.asarray(value, dtype) if plain else value, dtype)
 
 
 def flat_batch(array: Any, batch: tuple[int, ...], *last: int) -> Any:
