@@ -95,6 +95,9 @@ def identify(
     outputs = {"--csv": csv, "--residuals": residuals, "--out": out, **_report_files(report)}
     read = {"FILE": file, "--ground": _ground_file(ground), "--pigments": pigments}
     options.check_outputs(outputs, overwrite, inputs=list(read.values()))
+    from glazejax.commands.main import start_jax
+
+    start_jax()
     seen_by = options.read_geometry(geometry, _GEOMETRY)
     if opaque and ground is not None:
         raise ValueError("--opaque films show no ground: leave out --ground, or leave out --opaque")
@@ -103,13 +106,10 @@ def identify(
 
     from rich.console import Console
 
-    from glazejax.commands.main import start_jax
-
     from ..film.errors import BETWEEN_FILMS, Prior
     from ..film.films import Instrument, Noise
     from .record import input_files
 
-    start_jax()
     console = Console(highlight=False)
     paints = options.choose_paints(options.read_shelf(pigments, catalogue), only, without)
     instrument = Instrument(seen_by, refractive_index)

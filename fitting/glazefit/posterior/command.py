@@ -112,6 +112,9 @@ def posterior(
     _check(file, sample, paints, coats, bands, simulate, ground)
     require("matplotlib", "corner", "arviz", "h5py", "tqdm")
     folder = _check_folder(out, resume, overwrite)
+    from glazejax.commands.main import start_jax
+
+    start_jax()
     usual = options.read_length(thickness)
     seen_by = options.read_geometry(geometry, _GEOMETRY, incidence=incidence, specular=specular)
     if model_error is not None:
@@ -122,12 +125,9 @@ def posterior(
 
     from rich.console import Console
 
-    from glazejax.commands.main import start_jax
-
     from ..film.films import Instrument, Noise
     from .film import FilmPrior
 
-    start_jax()
     console = Console(highlight=False)
     instrument = Instrument(seen_by, refractive_index)
     errors = Noise(noise, noise_share)

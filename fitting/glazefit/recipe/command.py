@@ -134,12 +134,12 @@ def recipe(
     options.check_outputs({"--out": out} | others, overwrite)
     lights = options.listed(illuminants)
     bounds = _bounds(coat_thickness, thickness)
-    seen_by = options.read_geometry(geometry, _GEOMETRY, sphere="--sphere" if sphere else "")
-    base = options.read_ground(_GROUND if ground is None else ground)
     # The colours of spectra are computed in double precision too.
     from glazejax.commands.main import start_jax
 
     start_jax()
+    seen_by = options.read_geometry(geometry, _GEOMETRY, sphere="--sphere" if sphere else "")
+    base = options.read_ground(_GROUND if ground is None else ground)
     from rich.console import Console
 
     targets, notes = _targets(lab, srgb, spectrum, samples, colourchecker or bool(patch), patch, lights)
@@ -171,10 +171,13 @@ def recipe(
         progress.print_notes(console, str(file), words)
     from .recipe import recipe_chunks
 
-    groups, how = progress.collect(recipe_chunks(task), len(targets), "looking through all sets of paints", "recipes")
+    groups, how = progress.collect(
+        recipe_chunks(task), len(targets), "compiling, then looking through all sets of paints", "recipes"
+    )
     found = [recipes for group in groups for recipes in group]
     seconds = time.perf_counter() - started
-    _write(found, task, out, others, overwrite)
+    with progress.doing("drawing"):
+        _write(found, task, out, others, overwrite)
     _print(found, task, seconds, console)
     files = ", ".join(str(path) for path in (out, *others.values()) if path is not None)
     console.print(f"wrote {files}", markup=False)

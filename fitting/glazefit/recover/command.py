@@ -165,17 +165,17 @@ def recover(
     if plots:
         require("matplotlib")
     folder = None if out is None and into is not None else options.check_folder(out, overwrite)
+    from glazejax.commands.main import start_jax
+
+    start_jax()
     metres = options.read_length(thickness)
     seen_by = options.read_geometry(geometry, _GEOMETRY, incidence=incidence, specular=specular)
 
     from rich.console import Console
 
-    from glazejax.commands.main import start_jax
-
     from ..film.films import Instrument, Noise
     from ..film.loose import tint
 
-    start_jax()
     console = Console()
     said = None
     if noise is not None or noise_share is not None:

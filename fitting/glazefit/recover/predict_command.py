@@ -78,6 +78,9 @@ def predict(
     """
     recipe = read_recipe(mixture)
     options.check_outputs({"--csv": out}, overwrite)
+    from glazejax.commands.main import start_jax
+
+    start_jax()
     seen_by = options.read_geometry(geometry, _GEOMETRY)
     wanted = [options.read_length(text) for text in options.listed(thickness)]
     if samples and reading is None:
@@ -91,14 +94,11 @@ def predict(
 
     from rich.console import Console
 
-    from glazejax.commands.main import start_jax
-
     from ..film.films import Instrument, cards
     from ..film.noise import estimate_noise
     from .joint import UNIT
     from .mixture import calibrate_mixture, predict_mixture
 
-    start_jax()
     console = Console(highlight=False)
     instrument = Instrument(seen_by, refractive_index)
     found, grid, ground = None, None, None

@@ -25,12 +25,19 @@ def start_jax() -> None:
 
     A second run of the same command then starts 2-6 times faster.
     """
-    import jax
+    from .progress import doing
 
-    # XLA reports every program it takes from that cache as an error, harmlessly, and for pages.
-    jax.config.update("jax_logging_level", "CRITICAL")
-    jax.config.update("jax_enable_x64", True)
-    keep_programs()
+    # Python's search for circles of garbage, at its default of every 700 objects, is a fifth of a command's work.
+    gc.set_threshold(100_000, 20, 50)
+    # It says for lines how it gets on where it can't keep a list of fonts.
+    logging.getLogger("matplotlib").setLevel(logging.ERROR)
+    with doing("starting"):
+        import jax
+
+        # XLA reports every program it takes from that cache as an error, harmlessly, and for pages.
+        jax.config.update("jax_logging_level", "CRITICAL")
+        jax.config.update("jax_enable_x64", True)
+        keep_programs()
 
 
 def make_app() -> "typer.Typer":
@@ -67,10 +74,6 @@ def make_app() -> "typer.Typer":
 
 def main() -> None:
     """Entry point: run a sub-command; what the user can mend ends as one line and exit status 2."""
-    # Python's search for circles of garbage, at its default of every 700 objects, is a fifth of a command's work.
-    gc.set_threshold(100_000, 20, 50)
-    # It says for lines how it gets on where it can't keep a list of fonts.
-    logging.getLogger("matplotlib").setLevel(logging.ERROR)
     try:
         app = make_app()
         _run(app)

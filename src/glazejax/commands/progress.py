@@ -58,6 +58,19 @@ def collect(chunks: Iterable[Part], total: int, first: str, then: str) -> tuple[
     return parts, Collected(warm, time.perf_counter() - began, interrupted)
 
 
+@contextmanager
+def doing(words: str) -> Iterator[None]:
+    """Say on stderr what is being done, with a turning wheel, while it is; nothing off the terminal."""
+    from rich.console import Console
+
+    screen = Console(stderr=True)
+    if not screen.is_terminal:
+        yield
+        return
+    with screen.status(words):
+        yield
+
+
 def drawing(count: int) -> Callable[[], None]:
     """A bar for so many pictures; what is returned moves it on by one."""
     from rich.console import Console

@@ -76,7 +76,7 @@ def render(
     started = time.perf_counter()
     from rich.console import Console
 
-    from ..paint.describe import format_length, make_media, name_paints, parse_layers
+    from .main import start_jax
 
     console = Console(highlight=False, soft_wrap=False)
     if list_pigments:
@@ -86,6 +86,9 @@ def render(
         raise ValueError(
             'give the layers, such as --layers "UltramarineBlue:12um,Vermillion:12um"; --list shows the pigments'
         )
+    start_jax()
+    from ..paint.describe import format_length, make_media, name_paints, parse_layers
+
     # Everything that can be wrong is looked at before anything is computed.
     coats = parse_layers(layers)
     options.check_outputs({"--out": out, "--csv": csv}, overwrite)
@@ -100,9 +103,6 @@ def render(
     from ..colour import find_illuminant, find_observer
 
     illuminant, observer = find_illuminant(illuminant), find_observer(observer)
-    from .main import start_jax
-
-    start_jax()
     shelf = _shelf(pigments, catalogue, [name for coat in coats for _, name in coat.parts])
     coats = name_paints(coats, shelf)
     repeated = _repeated(coats, ladder)
@@ -111,6 +111,7 @@ def render(
     from ..paint.media import Glaze, Layer
     from . import render_report as report
     from .plots import glaze_figure
+    from .progress import doing
     from .rendering import render as compute
 
     glaze = Glaze(
@@ -119,32 +120,34 @@ def render(
         refractive_index,
     )
     solving = time.perf_counter()
-    rendering = compute(
-        glaze,
-        seen_by,
-        layer=repeated,
-        coat=coats[repeated].thickness,
-        illuminant=illuminant,
-        observer=observer,
-        tolerance=tolerance,
-    )
+    with doing("compiling, then solving"):
+        rendering = compute(
+            glaze,
+            seen_by,
+            layer=repeated,
+            coat=coats[repeated].thickness,
+            illuminant=illuminant,
+            observer=observer,
+            tolerance=tolerance,
+        )
     solved = time.perf_counter() - solving
     seen = seen_by.describe()
     request = report.RenderRequest(coats, bed.words, refractive_index, seen, illuminant, observer)
     coat = coats[repeated]
     present = [f"{coat.name} {coat.size}" for coat in coats if coat.total > 0]
-    figure = glaze_figure(
-        rendering,
-        [coat.name for coat in coats],
-        title=" over ".join(present) or "No paint at all",
-        subtitle=f"on a ground of {bed.words}  ·  n = {refractive_index:g}  ·  {seen}  ·  {request.eye}",
-        coat=f"{coat.name} {format_length(coat.thickness)}",
-        marked=coat.repeats,
-        illuminant=illuminant,
-        observer=observer,
-    )
-    # Files first: a pager that closes early must not lose them.
-    figure.savefig(out, dpi=100)
+    with doing("drawing"):
+        figure = glaze_figure(
+            rendering,
+            [coat.name for coat in coats],
+            title=" over ".join(present) or "No paint at all",
+            subtitle=f"on a ground of {bed.words}  ·  n = {refractive_index:g}  ·  {seen}  ·  {request.eye}",
+            coat=f"{coat.name} {format_length(coat.thickness)}",
+            marked=coat.repeats,
+            illuminant=illuminant,
+            observer=observer,
+        )
+        # Files first: a pager that closes early must not lose them.
+        figure.savefig(out, dpi=100)
     if csv is not None:
         _write_table(csv, rendering, coats, overwrite)
 

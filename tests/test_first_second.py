@@ -1,0 +1,103 @@
+"""What a user waits for before the first answer: packages that are imported, programs that are compiled, and no word.
+
+Numbers of programs, not seconds: those are in benchmarks/results/cold_start.txt.
+"""
+
+import os
+import pty
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+_RUN = """
+import sys
+import jax.monitoring
+programs = []
+jax.monitoring.register_event_duration_secs_listener(
+    lambda event, seconds, **_: programs.append(event) if "backend_compile" in event else None
+)
+from glazejax.commands.main import main
+try:
+    main()
+except SystemExit as end:
+    assert not end.code, end.code
+print("programs", len(programs))
+print("modules", *sorted(sys.modules))
+"""
+# Each takes longer than what it is imported for; `import colour` alone a second.
+_HEAVY = {"colour", "pandas", "scipy.optimize", "scipy.interpolate", "matplotlib.pyplot", "emcee", "xarray", "trimesh"}
+
+
+def environment(cache):
+    paths = os.pathsep.join([str(ROOT / "src"), str(ROOT / "fitting")])
+    return os.environ | {"PYTHONPATH": paths, "GLAZEJAX_CACHE": str(cache), "COLUMNS": "200", "TERM": "xterm"}
+
+
+def run(tmp_path, *words):
+    """Number of programs compiled, and modules imported, by a command in a process of its own."""
+    done = subprocess.run(
+        [sys.executable, "-c", _RUN, *words],
+        capture_output=True, text=True, check=False, cwd=tmp_path, env=environment(tmp_path / "cache"),
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    *_, programs, modules = done.stdout.splitlines()
+    return int(programs.split()[1]), set(modules.split()[1:])
+
+
+def test_import_loads_names_only():
+    code = "import sys, glazejax, glazefit; print(*sorted(sys.modules))"
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, env=environment("/nowhere")
+    )
+    loaded = set(done.stdout.split())
+    assert not loaded & (_HEAVY | {"jax", "numpy", "scipy", "matplotlib", "equinox", "optimistix", "rich", "typer"})
+
+
+def test_render_is_one_program_and_little_else(tmp_path):
+    programs, modules = run(tmp_path, "render", "--layers", "CobaltBlue:5um,0.5*ZincWhite+0.5*Vermillion:20um")
+    # The solver, and one to give the answer its shape.
+    assert programs <= 2
+    assert not modules & _HEAVY
+    assert (tmp_path / "glaze.png").is_file()
+
+
+@pytest.mark.slow
+def test_a_recipe_is_sixteen_programs(tmp_path):
+    programs, modules = run(tmp_path, "recipe", "--srgb", "#8a4b2d")
+    assert programs <= 16
+    assert not modules & (_HEAVY - {"scipy.optimize", "scipy.interpolate"})
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("render", "--layers", "CobaltBlue:5um"), ("starting", "compiling, then solving", "drawing")),
+        pytest.param(("recipe", "--srgb", "#8a4b2d"), ("starting", "compiling, then looking"), marks=pytest.mark.slow),
+    ],
+)
+def test_a_terminal_is_told_what_is_being_done(tmp_path, words, told):
+    """In this order, on stderr; the answer is on stdout."""
+    ours, theirs = pty.openpty()
+    with subprocess.Popen(
+        [sys.executable, "-m", "glazejax", *words],
+        stdout=subprocess.PIPE, stderr=theirs, cwd=tmp_path, env=environment(tmp_path / "cache"),
+    ) as process:  # fmt: skip
+        os.close(theirs)
+        seen = b""
+        try:
+            while piece := os.read(ours, 4096):
+                seen += piece
+        except OSError:  # how Linux says that the other end is closed
+            pass
+        assert process.stdout is not None
+        answer = process.stdout.read().decode()
+    assert process.returncode == 0
+    places = [seen.decode().find(each) for each in told]
+    assert -1 not in places
+    assert places == sorted(places)
+    assert "wrote" in answer
+    assert not any(each in answer for each in told)
