@@ -8,16 +8,24 @@ sought; and the same pigment on another card. The bar is the nearest spectral an
 """
 
 import argparse
+import functools
+import importlib
 import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from typing import Any
+from unittest import mock
 
+import jax
 import numpy as np
 
 from benchmarks.identification_sets import hyppigments, hyppigments_across_cards, kimera, rrt
 from benchmarks.results import Results, add_option
 from benchmarks.timing import environment
-from glazefit import Noise, identify
+from glazefit import Identification, Noise, identify
+from glazefit.film import threads
 from glazefit.film.response import film_response
-from glazejax import Hemispherical, catalogue
+from glazejax import Hemispherical, Pigment, catalogue
 from glazejax.commands.main import start_jax
 
 UNIT = 25e-6
@@ -32,10 +40,12 @@ def family(recipe: dict[str, float]) -> dict[str, float]:
     return out
 
 
-def speed(results: Results, count: int = 1000) -> None:
-    """A thousand spectra against all pairs of twenty paints."""
-    paints = list(catalogue.load().values())
-    rng = np.random.default_rng(1)
+def simulated(paints: list[Pigment], count: int, seed: int, rough: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Films of two paints over a black and a white card, their grounds, and the paints.
+
+    Noise as instruments have it; rough ones also have smooth errors of some percent, as films of real paint.
+    """
+    rng = np.random.default_rng(seed)
     k, s = (np.stack([np.asarray(getattr(p, what)) for p in paints]) * UNIT for what in ("absorption", "scattering"))
     weights = rng.dirichlet(np.ones(2), count)
     pair = np.array([rng.choice(len(paints), 2, replace=False) for _ in range(count)])
@@ -44,13 +54,104 @@ def speed(results: Results, count: int = 1000) -> None:
     body = film_response(Hemispherical()).body(kd[:, None], sd[:, None], grounds)
     noise = Noise()
     spectra = np.asarray(body) + 0.04
-    spectra = np.clip(spectra + noise.sd(spectra) * rng.standard_normal(spectra.shape), 0, 1)
-    for words in ("compilation included", "again"):
+    spectra = spectra + noise.sd(spectra) * rng.standard_normal(spectra.shape)
+    if rough:
+        along = np.linspace(0.0, 1.0, kd.shape[1])
+        level, bump = rng.standard_normal((2, count, 1))
+        often, first = rng.random((2, count, 1))
+        wave = np.sin(np.pi * (along * (1.0 + 2.0 * often) + first))
+        spectra *= (1.0 + 0.05 * level + 0.06 * bump * wave)[:, None]
+    return np.clip(spectra, 0.0, 1.0), grounds, pair
+
+
+def speed(results: Results, count: int = 1000, compared: int = 400) -> None:
+    """The usual search beside the thorough one: run time, and how often they agree."""
+    paints = list(catalogue.load().values())
+    grid = paints[0].wavelengths
+    results(f"ALL SINGLES AND PAIRS OF {len(paints)} PAINTS, over two cards, 31 bands; the second run of two")
+    results(f"{'':<26}{'spectra':>8} {'usual':>10} {'thorough':>10}  first set  probability off by > .02:")
+    results(f"{'':<26}{'':>8} {'a second':>10} {'a second':>10}  the same   of a paint, of none; 99 % of them")
+    for words, rough in (("noise only", False), ("and errors of 5 %", True)):
+        spectra, grounds, pair = simulated(paints, count, 1, rough)
+        rate, found = {}, {}
+        for thorough, number in ((False, count), (True, compared)):
+            for _ in range(2):
+                began = time.perf_counter()
+                some = identify(spectra[:number], grid, paints, grounds=grounds, max_paints=2, thorough=thorough)
+                rate[thorough] = number / (time.perf_counter() - began)
+            found[thorough] = some
+        usual, full = found[False], found[True]
+        same = np.mean([_first(usual, row) == _first(full, row) for row in range(compared)])
+        paint = np.abs(usual.paint_probability[:compared] - full.paint_probability).max(axis=1)
+        none = np.abs(usual.none[:compared] - full.none)
+        results(
+            f"{words:<26}{count:>8} {rate[False]:>10.0f} {rate[True]:>10.0f}  {same:6.1%}     "
+            f"{np.mean(paint > 0.02):.1%}, {np.mean(none > 0.02):.1%}; {np.quantile(paint, 0.99):.3f}, "
+            f"{np.quantile(none, 0.99):.3f}"
+        )
+        right = [set(m[m >= 0].tolist()) == set(p.tolist()) for m, p in zip(usual.members[:, 0], pair, strict=True)]
+        results(f"  both paints right: {np.mean(right):.1%} (fractions down to 0)")
+    spectra, grounds, _ = simulated(paints, 200, 2, False)
+    for _ in range(2):
         began = time.perf_counter()
-        found = identify(spectra, paints[0].wavelengths, paints, grounds=grounds, max_paints=2)
-        results(f"{count} spectra, pairs of {len(paints)} paints: {time.perf_counter() - began:.1f} s ({words})")
-    right = [set(m[m >= 0].tolist()) == set(p.tolist()) for m, p in zip(found.members[:, 0], pair, strict=True)]
-    results(f"  both paints right: {np.mean(right):.1%} (no error of the model; fractions down to 0)")
+        identify(spectra, grid, paints, grounds=grounds, max_paints=3)
+    results(f"Sets of three too, noise only, 200 spectra: {200 / (time.perf_counter() - began):.0f} a second")
+
+
+STAGES = {
+    "table of films (once)": ("table", "film_table"),
+    "spectra beside the table": ("search", "first_starts"),
+    "sets ranked": ("search", "_fit"),
+    "best sets again with own errors": ("own_errors", "refined"),
+    "  errors of groups": ("own_errors", "own_errors"),
+    "  fits with these, and as shown": ("own_errors", "_fitted"),
+    "  errors allowed": ("own_errors", "allowed"),
+    "other conditions, all of the above": ("untold", "search_untold"),
+    "  probabilities": ("weigh", "odds_of"),
+}
+
+
+def profile(results: Results, count: int = 256) -> None:
+    """Processor time of each stage, on one core, noise only."""
+    modules = {name: importlib.import_module(f"glazefit.identify.{name}") for name in {m for m, _ in STAGES.values()}}
+    modules["identify"] = importlib.import_module("glazefit.identify.identify")
+    spent = dict.fromkeys(STAGES, 0.0)
+
+    def timed(words: str, work: Callable) -> Callable:
+        @functools.wraps(work)
+        def measured(*args: Any, **options: Any) -> Any:
+            began = time.process_time()
+            answer = jax.tree.map(np.asarray, work(*args, **options)) if "ranked" in words else work(*args, **options)
+            spent[words] += time.process_time() - began
+            return answer
+
+        return measured
+
+    paints = list(catalogue.load().values())
+    spectra, grounds, _ = simulated(paints, count, 5, False)
+    with ExitStack() as stack:
+        stack.enter_context(mock.patch.object(threads, "cores", return_value=1))
+        for words, (home, name) in STAGES.items():
+            work = getattr(modules[home], name)
+            instead = timed(words, work)
+            for module in modules.values():
+                if getattr(module, name, None) is work:
+                    stack.enter_context(mock.patch.object(module, name, instead))
+        for _ in range(2):
+            spent.update(dict.fromkeys(STAGES, 0.0))
+            began = time.process_time()
+            identify(spectra, paints[0].wavelengths, paints, grounds=grounds, max_paints=2)
+            whole = time.process_time() - began
+    results(f"WHERE THE TIME GOES: {count} spectra, noise only, one core; ms of processor time for each spectrum")
+    for words, seconds in spent.items():
+        results(f"  {words:<38}{1e3 * seconds / count:6.2f}")
+    results(f"  {'all':<38}{1e3 * whole / count:6.2f}")
+
+
+def _first(found: Identification, row: int) -> tuple[frozenset[int], int]:
+    """Paints of the first answer, and its condition."""
+    members = found.members[row, 0]
+    return frozenset(members[members >= 0].tolist()), int(found.condition[row, 0])
 
 
 def main() -> None:
@@ -61,7 +162,7 @@ def main() -> None:
     results = Results("identification", options.out)
     results(environment())
     results()
-    for part in (speed, kimera, rrt, hyppigments, hyppigments_across_cards):
+    for part in (speed, profile, kimera, rrt, hyppigments, hyppigments_across_cards):
         part(results)
         results()
     results.save()

@@ -158,6 +158,7 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--samples": Reaches("--samples two", lambda g: tuple(g["names"]), ("two",)),
         "--max-paints": Reaches("--max-paints 1", lambda g: g["max_paints"], 1),
         "--layers": Reaches("--layers 2", lambda g: g["layers"], 2),
+        "--thorough": Reaches("--thorough", lambda g: g["thorough"], True),
         **INSTRUMENT,
         "--model-error": Reaches("--model-error 0.02", lambda g: g["discrepancy"].amplitude, 0.02),
         "--thickness": Reaches("--thickness 40um", lambda g: g["prior"].thickness, pytest.approx(40e-6)),
@@ -348,7 +349,7 @@ def test_the_computation_gets_what_the_option_says(reach, command: str, option: 
 @pytest.mark.parametrize(
     ("command", "function", "names"),
     [
-        ("identify", glazefit.identify, {"max_paints", "layers"}),
+        ("identify", glazefit.identify, {"max_paints", "layers", "thorough"}),
         ("posterior", glazefit.posterior_of_film, {"steps", "walkers", "thin", "seed", "resume", "overwrite"}),
         ("recipe", glazefit.find_recipes, {"refractive_index", "test_illuminant", "max_paints", "max_layers", "count",
                                            "metamerism", "seed", "thickness"}),

@@ -8,6 +8,7 @@ from . import spectra as spectra
 from .geometry import Bidirectional as Bidirectional
 from .geometry import Hemispherical as Hemispherical
 from .geometry import Instrument as Instrument
+from .interpolated import interpolated as interpolated
 from .paint.media import Glaze as Glaze
 from .paint.media import Layer as Layer
 from .paint.media import Mixture as Mixture

@@ -358,8 +358,30 @@ def _clipped_srgb(xp: ModuleType, values: Any, matrix: Any) -> Any:
 
 def _encoded(xp: ModuleType, linear: Any) -> Any:
     dark = linear <= _STRAIGHT
-    power = 1.055 * xp.where(dark, 1.0, linear) ** (1 / 2.4) - 0.055
+    above = xp.where(dark, 1.0, linear)
+    power = 1.055 * (above ** (1 / 2.4) if xp is np else _root(above)) - 0.055
     return xp.where(dark, 12.92 * linear, power)
+
+
+@jax.custom_jvp
+def _root(x: Float[Array, "..."]) -> Float[Array, "..."]:
+    """x^(1/2.4) of positive x: in float64 four times faster than its power, to a few units in the last place.
+
+    The power in float32 and one step of Halley's iteration for y^12 = x^5, which leaves the cube of its error.
+    """
+    if x.dtype != jnp.float64:
+        return x ** (1 / 2.4)
+    y = (x.astype(jnp.float32) ** (1 / 2.4)).astype(x.dtype)
+    square = y * y
+    fourth = square * square
+    rest = (x * x) * (x * x) * x / (fourth * fourth * fourth) - 1.0
+    return y * (1.0 + rest * (1.0 / 12.0 - (11.0 / 288.0) * rest))
+
+
+@_root.defjvp
+def _root_jvp(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
+    root = _root(*primals)
+    return root, root / (2.4 * primals[0]) * tangents[0]
 
 
 @lru_cache(maxsize=128)

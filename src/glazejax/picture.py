@@ -14,9 +14,9 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from . import colour
-from .chebyshev_table import MOST_AXES, thickness_table
 from .extras import require
 from .geometry import Bidirectional, Geometry, Hemispherical
+from .interpolated import MOST_AXES, interpolated
 from .paint.media import Glaze, Layer, Mixture, Pigment
 from .radiative.common.fresnel import dielectric_reflectance
 from .radiative.plan.plan import ALL, Savings, plan_stacks
@@ -115,17 +115,18 @@ def picture(
     counter = _Computed(inputs, varying, tolerance, savings)
     values, error, words = None, 0.0, ""
     if not full and len(first) > _FEW and 1 <= points.shape[1] <= MOST_AXES:
-        table = thickness_table(
-            counter,
-            points.min(axis=0),
-            points.max(axis=0),
-            delta_e * _SHARE,
+        named = {f"map {k}": column for k, column in enumerate(points.T)}
+        table = interpolated(
+            lambda **columns: counter(np.stack(list(columns.values()), axis=1)),
+            {name: (column.min(), column.max()) for name, column in named.items()},
+            tolerance=delta_e * _SHARE,
             distance=inputs.difference,
-            samples=points,
+            samples=named,
+            block=None,
         )
-        if table.error <= delta_e * _SHARE:
+        if table.converged:
             error = table.error
-            values = table(jnp.asarray(points))
+            values = table(**named)
             shape = " x ".join(map(str, table.coefficients.shape[:-1]))
             words = f", interpolated from {shape}, estimated Delta E00 {error:.2g}"
     if values is None:

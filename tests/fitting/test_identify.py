@@ -121,6 +121,20 @@ def test_residuals_are_measured_minus_fitted_and_small(blind):
     assert np.median(found.delta_e[:BLIND, 0]) < 1.5
 
 
+def test_what_the_usual_search_saves_changes_little(paints, blind):
+    """Beside a search that fits every pair and gives every set errors of its own."""
+    found = blind[-1]
+    measured = found.measured.take(np.arange(BLIND))
+    full = identify(measured.readings, GRID, paints, grounds=GROUNDS, keep=300, thorough=True)
+    assert np.array_equal(full.members[:, 0], found.members[:BLIND, 0])
+    assert np.quantile(np.abs(full.paint_probability - found.paint_probability[:BLIND]), 0.95) < 0.02
+    assert np.abs(full.none - found.none[:BLIND]).max() < 0.02
+    # It does look at more: every pair of the paints, and each alone.
+    count = len(paints)
+    assert (full.probability[:, count * (count + 1) // 2 - 1] >= 0).all()
+    assert (full.probability > 0).sum() > (found.probability[:BLIND] > 0).sum()
+
+
 @pytest.mark.slow
 def test_one_spectrum_alone_gives_what_it_gives_in_a_batch(paints, blind):
     found = blind[-1]

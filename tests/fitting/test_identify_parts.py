@@ -23,7 +23,8 @@ from glazefit.film.errors import (
 from glazefit.film.least_squares import inverse_small
 from glazefit.film.response import film_response
 from glazefit.identify.fit import Weights, fit_sets, log_prior
-from glazefit.identify.screen import Paints, WhitenedSpectra, amounts_grid, grow, score, screen, sets_of, unique_best
+from glazefit.identify.screen import Paints, amounts_grid, grow, score, sets_of, unique_best
+from glazefit.identify.table import film_table
 from glazefit.identify.two_coats import orders
 from glazejax import Hemispherical, Pigment
 from glazejax.io import read_spectra
@@ -192,34 +193,64 @@ def _log_joint(logs, problem):
 
 
 def test_screening_finds_the_least_misfit_of_all_that_is_tried(problem):
-    """Both searches against films computed and compared one by one; errors that differ from reading to reading."""
+    """The table against films computed and compared one by one; errors that differ from reading to reading."""
     response, paints, ground, _ = problem
     ground = np.asarray(ground[0])
-    readings = ground.size
     rng = np.random.default_rng(4)
-    white = np.tril(rng.uniform(1.0, 50.0, (readings, readings)))
-    target = np.stack([rng.uniform(0.05, 0.9, readings) for _ in range(2)]) @ white.T
-    sets, grid = np.array([[0, 1], [1, 0]]), rng.uniform(0.05, 2.0, (5, 2))
-    k, s = np.asarray(paints.absorption), np.asarray(paints.scattering)
+    white = np.tril(rng.uniform(1.0, 50.0, (ground.size, ground.size)))
+    spectra = np.stack([rng.uniform(0.05, 0.9, ground.size) for _ in range(3)])
+    table = film_table(response, paints, 2, 0.7, ground, white)
+    for kind, (least, where) in zip(table.sizes, table.nearest(spectra), strict=True):
+        for n, members in enumerate(kind.sets):
+            every = np.array([_misfits(problem, white, spectra, members, amounts) for amounts in kind.grid])
+            np.testing.assert_allclose(least[:, n], every.min(axis=0), rtol=1e-4)
+            np.testing.assert_allclose(every[where[:, n], np.arange(3)], every.min(axis=0), rtol=1e-4)
 
-    def misfit(row: int, members: np.ndarray, amounts: np.ndarray, ground: np.ndarray) -> float:
-        film = np.asarray(response.body(amounts @ k[members], amounts @ s[members], ground)).ravel()
-        return float(np.sum((target[row] - white @ film) ** 2))
 
-    search = WhitenedSpectra(jnp.asarray(target), jnp.asarray(white), jnp.asarray(ground))
-    least, where = screen(response, paints, jnp.asarray(sets), jnp.asarray(grid), search)
-    grounds = np.stack([ground, 0.7 * ground])
+def _misfits(problem, white, spectra, members, amounts):
+    """Squared misfit of one film to each spectrum."""
+    response, paints, ground, _ = problem
+    k, s = (amounts @ np.asarray(a)[members] for a in paints)
+    film = np.asarray(response.body(k, s, np.asarray(ground[0]))).ravel()
+    return np.sum(((spectra - film) @ white.T) ** 2, axis=-1)
+
+
+def test_few_components_lose_only_what_films_have_in_common():
+    """A table of more readings than components: misfits differ by the same for all films, next to what tells them."""
+    grid = np.linspace(400.0, 700.0, 41)
+    k = np.array([2.0 * np.exp(-(((grid - peak) / 60) ** 2)) for peak in (430.0, 520.0, 640.0)]) + 0.02
+    paints = Paints(jnp.asarray(k), jnp.full(k.shape, 1.5))
+    ground = np.full((1, grid.size), 0.9)
+    response = film_response(Hemispherical())
+    table = film_table(response, paints, 2, 0.7, ground, np.eye(grid.size) / 0.01)
+    assert len(table.project) < grid.size
+    spectrum = np.asarray(response.body(0.6 * k[0] + 0.3 * k[2], 1.4, ground)) + 0.003 * np.cos(grid)
+    (_, _), (least, where) = table.nearest(spectrum)
+    kind = table.sizes[1]
+    found = int(np.argmin(least[0]))
+    assert kind.sets[found].tolist() == [0, 2]
+    films = [kind.grid[place] @ k[members] for members, place in zip(kind.sets, where[0], strict=True)]
+    scattering = [1.5 * kind.grid[place].sum() for place in where[0]]
+    read = [np.asarray(response.body(a, s, ground)).ravel() for a, s in zip(films, scattering, strict=True)]
+    exact = np.sum(((spectrum - np.array(read)) / 0.01) ** 2, axis=-1)
+    np.testing.assert_allclose(np.diff(least[0]), np.diff(exact), rtol=0.02)
+
+
+def test_triples_are_scored_by_the_least_misfit_of_what_is_tried(problem):
+    response, paints, ground, _ = problem
+    ground = np.asarray(ground[0])
+    rng = np.random.default_rng(4)
+    white = np.tril(rng.uniform(1.0, 50.0, (ground.size, ground.size)))
+    spectra = np.stack([rng.uniform(0.05, 0.9, ground.size) for _ in range(2)])
+    sets = np.array([[[0, 1], [1, 0]], [[1, 0], [0, 1]]])
     tries = rng.uniform(0.05, 2.0, (2, 2, 4, 2))
-    given = (jnp.asarray(a) for a in (np.stack([sets, sets[::-1]]), tries, grounds, target, white))
-    own, place = score(response, paints, *given)
-    for row in range(2):
-        for n in range(2):
-            every = [misfit(row, sets[n], amounts, ground) for amounts in grid]
-            assert float(least[row, n]) == pytest.approx(min(every), rel=1e-9)
-            assert int(where[row, n]) == int(np.argmin(every))
-            every = [misfit(row, sets[::-1][n] if row else sets[n], amounts, grounds[row]) for amounts in tries[row, n]]
-            assert float(own[row, n]) == pytest.approx(min(every), rel=1e-9)
-            assert int(place[row, n]) == int(np.argmin(every))
+    grounds = np.stack([ground, ground])
+    given = (jnp.asarray(a) for a in (sets, tries, grounds, spectra @ white.T, white))
+    least, where = score(response, paints, *given)
+    for row, n in np.ndindex(2, 2):
+        every = [_misfits(problem, white, spectra, sets[row, n], amounts)[row] for amounts in tries[row, n]]
+        assert float(least[row, n]) == pytest.approx(min(every), rel=1e-9)
+        assert int(where[row, n]) == int(np.argmin(every))
 
 
 def test_what_grows_keeps_its_pair_and_tries_some_of_the_third():

@@ -95,7 +95,7 @@ def test_a_paint_that_is_missing_is_none_of_these(found):
 def test_batches_with_more_and_fewer_conditions_become_one(found, shelf):
     """A film in no doubt has fewer candidates than one that was sought again under a varnish."""
     spectra = found.measured.readings[[0, 3]]
-    alone = [identify(one[None], GRID, shelf, grounds=GROUNDS, max_paints=2) for one in spectra]
+    alone = [identify(one[None], GRID, shelf, grounds=GROUNDS, max_paints=2, keep=300) for one in spectra]
     few, many = (part.probability.shape[1] for part in alone)
     assert few < many
     both = Identification.join(alone)

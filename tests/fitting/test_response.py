@@ -122,3 +122,18 @@ def test_numpy_and_jax_read_the_same_film(table):
     np.testing.assert_allclose(known, traced, atol=1e-14)
     body = known[:5]
     np.testing.assert_allclose(table.internal(body), jax.jit(lambda body: table.internal(body))(body), atol=1e-13)
+
+
+def test_slopes_from_one_look_are_those_of_tangents(table):
+    """Also with no film, beyond the table, and over several grounds."""
+    kd, sd, _ = (jnp.asarray(a) for a in random_films(60))
+    kd, sd = jnp.append(kd, jnp.array([0.0, 400.0])), jnp.append(sd, jnp.array([0.0, 2000.0]))
+    ground = jnp.array([[0.02], [0.95]])
+    values, by_k, by_s = table.body_and_slopes(kd, sd, ground)
+    seen, unit, none = lambda k, s: table.body(k, s, ground), jnp.ones_like(kd), jnp.zeros_like(kd)
+    for tangent, slopes in (((unit, none), by_k), ((none, unit), by_s)):
+        # No film is at the table's end, where a tangent is half the slope: a hair beyond it.
+        exact, expected = jax.jvp(seen, (jnp.maximum(kd, 1e-13), jnp.maximum(sd, 1e-13)), tangent)
+        np.testing.assert_allclose(values, exact, rtol=1e-9)
+        np.testing.assert_allclose(slopes, expected, rtol=1e-8, atol=1e-9)
+    assert not np.any(np.asarray([by_k, by_s])[..., -1])

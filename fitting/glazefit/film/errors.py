@@ -211,8 +211,8 @@ def modes_covariance(
     slopes: Float[np.ndarray, "*n errors readings"], modes: Float[np.ndarray, "*n errors bands modes"]
 ) -> Float[np.ndarray, "*n readings readings"]:
     """Covariance of the readings that error modes of the coefficients cause; slopes as for `coefficient_covariance`."""
-    bands = modes.shape[-2]
-    by_ground = slopes.reshape(*slopes.shape[:-1], -1, bands)
+    # In the modes' own precision: single does, and takes half the time.
+    by_ground = slopes.astype(modes.dtype).reshape(*slopes.shape[:-1], -1, modes.shape[-2])
     caused = np.einsum("...egb,...ebm->...gbm", by_ground, modes, optimize=True)
     caused = caused.reshape(*caused.shape[:-3], -1, modes.shape[-1])
     return caused @ np.swapaxes(caused, -1, -2)
@@ -353,10 +353,15 @@ def whitening(
     matrix: Float[np.ndarray, "*n r r"],
 ) -> tuple[Float[np.ndarray, "*n r r"], Float[np.ndarray | np.floating, "*n"]]:
     """W with W^T W the inverse of a covariance, and log det W - (r/2) log 2 pi, the height of the Gaussian."""
+    from scipy.linalg.lapack import dtrtri
+
     factor = np.linalg.cholesky(matrix)
-    inverse = np.linalg.inv(factor)
+    inverse = np.empty_like(factor)
+    # A triangle's inverse takes less than half the time of numpy's, which knows none.
+    for place in np.ndindex(factor.shape[:-2]):
+        inverse[place] = dtrtri(factor[place], lower=1)[0]
     height = -np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum(axis=-1)
-    return np.tril(inverse), height - 0.5 * matrix.shape[-1] * np.log(2.0 * np.pi)
+    return inverse, height - 0.5 * matrix.shape[-1] * np.log(2.0 * np.pi)
 
 
 def log_odds_of_none(misfit: float | Float[np.ndarray, "*n"]) -> Float[np.ndarray, "*n"]:

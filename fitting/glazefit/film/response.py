@@ -20,7 +20,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, ArrayLike, Float, Int
+from jaxtyping import Array, ArrayLike, Float
 
 from glazejax.geometry import Bidirectional, Geometry, Hemispherical
 from glazejax.radiative.common.inputs import concrete
@@ -129,31 +129,28 @@ def _over(_: Any, black: Any, gain: Any, back: Any, ground: Any) -> Any:
 
 def _numbers(xp: Any, patches: Any, absorption: Any, scattering: Any) -> tuple[Any, Any, Any]:
     """`FilmResponse.numbers` by NumPy or JAX."""
-    row, row_weights = _locate(absorption, HIGHEST[0], xp)
-    column, column_weights = _locate(scattering, HIGHEST[1], xp)
-    cells = row * (_NODES - 1) + column
-    patch = patches[cells] if xp is np else patches.at[cells].get(mode="promise_in_bounds")
+    row, row_weights = _locate(xp, absorption, HIGHEST[0])
+    column, column_weights = _locate(xp, scattering, HIGHEST[1])
+    cell = row * (_NODES - 1) + column
+    patch = patches[cell] if xp is np else patches.at[cell].get(mode="promise_in_bounds")
     # A sum of products: XLA on the CPU takes six times as long for the same as an einsum.
     weights = row_weights[..., :, None] * column_weights[..., None, :]
     values = xp.sum(patch * weights[..., None], axis=(-3, -2))
     return values[..., 0], values[..., 1], values[..., 2]
 
 
-def _locate(thickness: Any, highest: float, xp: Any = jnp) -> tuple[Any, Any]:
+def _locate(xp: Any, thickness: Any, highest: float) -> tuple[Any, Any]:
     """Cell and the four cubic B-spline weights of each value, (...) and (..., 4)."""
-    cell, near, far = _place(thickness, highest, xp)
-    weights = (near**3, 4.0 - 6.0 * far**2 + 3.0 * far**3, 4.0 - 6.0 * near**2 + 3.0 * near**3, far**3)
-    return cell, xp.stack(weights, axis=-1) / 6.0
+    cell, near, far = _place(xp, thickness, highest)
+    return cell, xp.stack(_weights(near, far), axis=-1)
 
 
-def _weighted(
-    thickness: Float[Array, "*batch"], highest: float
-) -> tuple[Int[Array, "*batch"], Float[Array, "*batch 4"], Float[Array, "*batch 4"]]:
-    """Cell, weights and the derivatives of the weights by the optical thickness; 0 beyond the table."""
-    cell, near, far = _place(thickness, highest)
+def _weighted(thickness: Array, highest: float) -> tuple[Array, Array, Array]:
+    """Cell, weights and the derivatives of the weights by the optical thickness, which are 0 beyond the table."""
+    cell, near, far = _place(jnp, thickness, highest)
     slopes = (-(near**2), far * (3.0 * far - 4.0), near * (4.0 - 3.0 * near), far**2)
     scale = jnp.where(thickness < highest, 0.5 * _scale(highest) / (_BEND + thickness), 0.0)
-    return cell, _locate(thickness, highest)[1], jnp.stack(slopes, axis=-1) * scale[..., None]
+    return cell, jnp.stack(_weights(near, far), axis=-1), jnp.stack(slopes, axis=-1) * scale[..., None]
 
 
 def _scale(highest: float) -> float:
@@ -161,12 +158,18 @@ def _scale(highest: float) -> float:
     return float((_NODES - 1) / np.log1p(highest / _BEND))
 
 
-def _place(thickness: Any, highest: float, xp: Any = jnp) -> tuple[Any, Any, Any]:
+def _place(xp: Any, thickness: Any, highest: float) -> tuple[Any, Any, Any]:
     """Cell of each value, and how far it lies from the cell's upper and from its lower end."""
     place = xp.clip(xp.log1p(thickness / _BEND) * _scale(highest), 0.0, _NODES - 1)
     cell = xp.minimum(xp.floor(place if xp is np else jax.lax.stop_gradient(place)), _NODES - 2)
     far = place - cell
     return cell.astype(np.int32), 1.0 - far, far
+
+
+def _weights(near: Any, far: Any) -> tuple[Any, Any, Any, Any]:
+    """Of the four cubic B-splines that reach into a cell."""
+    middle = (4.0 - 6.0 * far**2 + 3.0 * far**3) / 6.0, (4.0 - 6.0 * near**2 + 3.0 * near**3) / 6.0
+    return (near**3 / 6.0, *middle, far**3 / 6.0)
 
 
 def film_response(geometry: Geometry, refractive_index: float = 1.5) -> FilmResponse:

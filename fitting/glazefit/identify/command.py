@@ -53,6 +53,9 @@ def identify(
     samples: options.Samples = "",
     max_paints: Annotated[int, typer.Option(help="Largest number of paints in a film: 1, 2 or 3.")] = 3,
     layers: Annotated[int, typer.Option(help="Coats of a film: 1, or 2 to try two coats as well, in both orders.")] = 1,
+    thorough: Annotated[
+        bool, typer.Option("--thorough", help="Fit every pair of paints in full: some five times as long.")
+    ] = False,
     geometry: Annotated[str | None, options.geometry_option(_GEOMETRY)] = None,
     refractive_index: options.RefractiveIndex = 1.5,
     noise: options.Noise = 0.0005,
@@ -133,6 +136,7 @@ def identify(
         **settings,
         max_paints=max_paints,
         layers=layers,
+        thorough=thorough,
         keep=max(top, 5 if report is None else _KEPT),
     )
     filing = None

@@ -25,6 +25,7 @@ from ..film.errors import (
 from ..film.films import Films, Instrument, Noise, cards
 from ..film.optics import Optics
 from ..film.response import film_response
+from .effort import THOROUGH, USUAL
 from .result import Identification
 from .screen import paints_of
 from .search import CHUNK, first_starts, pieces, search
@@ -52,6 +53,7 @@ def identify_chunks(
     layers: int = 1,
     names: Sequence[str] | None = None,
     keep: int = 20,
+    thorough: bool = False,
 ) -> Iterator[Identification]:
     """As `identify`, a few spectra at a time, so that progress can be shown and an interrupt loses little.
 
@@ -72,6 +74,8 @@ def identify_chunks(
         layers: 2 tries the best sets as two coats too, in both orders.
         names: of the spectra.
         keep: candidates kept for each spectrum.
+        thorough: fit every pair, and give every set errors of its own: some four times as long for the same first
+            answer in most cases (`glazefit.identify.effort`).
 
     Raises:
         ValueError: shapes that do not match, values that are not reflectances, an empty catalogue, repeated names.
@@ -91,7 +95,7 @@ def identify_chunks(
         film_response(instrument.geometry, instrument.refractive_index),
         paints_of(known, prior.thickness),
         relative_errors(known, discrepancy),
-        error_modes(known, discrepancy),
+        error_modes(known, discrepancy).astype(np.float32),
         measured.wavelengths,
         Optics.of(instrument.geometry, instrument.refractive_index),
         instrument.seen_surface,
@@ -101,6 +105,7 @@ def identify_chunks(
         hardly_seen(known, prior.thickness),
         min(max_paints, len(known)),
         layers,
+        THOROUGH if thorough else USUAL,
         FilmTables(),
     )
     thick = hiding(prior, known)
@@ -130,6 +135,7 @@ def identify(
     layers: int = 1,
     names: Sequence[str] | None = None,
     keep: int = 20,
+    thorough: bool = False,
 ) -> Identification:
     """Paints, fractions and thickness of films from their spectra, as ranked lists with probabilities.
 
@@ -138,6 +144,7 @@ def identify(
     parts = identify_chunks(
         spectra, wavelengths, pigments, grounds=grounds, instrument=instrument, geometry=geometry, noise=noise,
         discrepancy=discrepancy, prior=prior, max_paints=max_paints, layers=layers, names=names, keep=keep,
+        thorough=thorough,
     )  # fmt: skip
     return Identification.join(list(parts))
 
@@ -154,6 +161,7 @@ def identify_films(
     max_paints: int = 3,
     layers: int = 1,
     keep: int = 20,
+    thorough: bool = False,
 ) -> Identification:
     """As `identify`, for films over a black and a white card that were measured bare."""
     seen_by = resolve_instrument(instrument, geometry)
@@ -166,7 +174,7 @@ def identify_films(
     return identify(
         over, films.wavelengths, pigments, grounds=np.stack([black, white], axis=1), instrument=instrument,
         geometry=geometry, noise=noise, discrepancy=discrepancy, prior=prior, max_paints=max_paints, layers=layers,
-        names=films.names, keep=keep,
+        names=films.names, keep=keep, thorough=thorough,
     )  # fmt: skip
 
 

@@ -24,16 +24,6 @@ from .fit import Fitted, Weights, block_size, by_blocks, film_slopes, fit_films
 from .result import NOBODY, Pool
 from .task import IdentificationTask, Measured
 
-# Candidates that are looked at closer, by the largest size of a set.
-_KEPT = {1: 20, 2: 32, 3: 40}
-# Log weights by which they may stay behind the best: with errors common to all, with those of a group, to be shown.
-_BEHIND, _CLOSE, _SHOWN = 8.0, 6.0, 8.0
-# What a paint's k and s do to the readings, root mean square per unit of their logarithm, below which it is a trace.
-_TRACE = 0.01
-# How far that may be from where errors were worked out.
-_MOVED = 0.001
-# Damped steps.
-_FIRST, _AGAIN, _NEAR = 5, 4, 6
 # What counts as near when amounts are shown: near black, and for each unit of reflectance.
 _NEAR_BLACK, _NEAR_SHARE = 0.005, 0.02
 
@@ -104,23 +94,25 @@ def refined(task: IdentificationTask, pool: Pool, some: Measured) -> Pool:
     Those far behind have a weight of -inf. With errors of its paints' coefficients allowed, the most probable amounts
     may leave to those errors what other amounts would meet: probabilities follow from that, but nobody would mix it.
     """
-    pool = pool.best(_KEPT[task.max_paints])
+    pool = pool.best(task.effort.kept)
     size = max(task.max_paints, 2)
     behind = pool.log_weight.max(axis=1, keepdims=True) - pool.log_weight
-    films = _Films.of(pool, np.isfinite(pool.log_weight) & (behind <= _BEHIND), size)
-    films, groups = _weighed(task, some, films, _slopes_of(task, some, films), _FIRST)
+    films = _Films.of(pool, np.isfinite(pool.log_weight) & (behind <= task.effort.behind), size)
+    films, groups = _weighed(task, some, films, _slopes_of(task, some, films), task.effort.own)
     slopes = _slopes_of(task, some, films)
-    close = np.flatnonzero((films.behind() <= _CLOSE) & (_apart(films.sets, slopes, groups) > _MOVED))
+    close = np.flatnonzero(
+        (films.behind() <= task.effort.close) & (_apart(films.sets, slopes, groups) > task.effort.moved)
+    )
     if close.size:
-        again, more = _weighed(task, some, films.take(close), slopes[close], _AGAIN)
+        again, more = _weighed(task, some, films.take(close), slopes[close], task.effort.again)
         films, groups = films.with_those(close, again), groups.with_those(close, more)
-    shown = np.flatnonzero(films.behind() <= _SHOWN)
+    shown = np.flatnonzero(films.behind() <= task.effort.shown)
     films, groups = films.take(shown), groups.take(shown)
     near = _nearest(task, some, films)
-    out = replace(pool, log_weight=np.full_like(pool.log_weight, -np.inf), allowed=pool.readings.copy())
+    nothing = np.full_like(pool.log_weight, -np.inf), np.zeros_like(pool.covariance), pool.readings.copy()
+    out = replace(pool, log_weight=nothing[0], covariance=nothing[1], allowed=nothing[2])
     at = films.row, films.place
     out.log_weight[at] = films.log_weight
-    out.covariance[at] = 0.0
     out.covariance[(*at, slice(size), slice(size))] = films.covariance
     out.logs[(*at, slice(size))] = np.where(films.sets == NOBODY, -np.inf, near.logs)
     out.readings[at] = near.readings
@@ -133,7 +125,7 @@ def _grouped(task: IdentificationTask, films: _Films, slopes: Float[np.ndarray, 
     size = films.sets.shape[1]
     effect = np.sqrt(np.mean(slopes**2, axis=-1))
     effect = np.hypot(effect[:, :size], effect[:, size:])
-    counts = (effect > _TRACE) | (effect == effect.max(axis=1, keepdims=True))
+    counts = (effect > task.effort.trace) | (effect == effect.max(axis=1, keepdims=True))
     main = np.sort(np.where(counts, films.sets, NOBODY), axis=1)
     key = films.row.astype(np.int64)
     for paint in main.T:
@@ -175,7 +167,7 @@ def _weighed(
     errors = own_errors(task, some, groups.row, groups.sets, groups.slopes)
     readings = some.readings.reshape(len(some), -1)[films.row]
     weights = weights_of(task, readings, Whitening(errors.basis, errors.height[groups.of]))
-    fitted = _fitted(task, some, films, weights, groups.of, steps)
+    fitted = _fitted(task, some, films, weights, groups.of, steps, single=task.effort.single)
     log_weight = task.discrepancy.trust * fitted.log_evidence + task.log_sets(films.sets)
     spread = np.where(absent_pairs(films.sets), 0.0, fitted.covariance)
     films = replace(films, logs=fitted.logs, covariance=spread, log_weight=log_weight, readings=fitted.readings)
@@ -189,17 +181,24 @@ def _fitted(
     weights: Weights,
     basis: Int[np.ndarray, "films"],
     steps: int,
+    single: bool = False,
 ) -> Fitted:
-    """Films fitted with weights of their own, where `basis` says which of the bases is each one's."""
-    alike = weights.basis
+    """Films fitted with weights of their own, where `basis` says which of the bases is each one's.
+
+    In single precision evidences are good to a thousandth.
+    """
+    kind = np.float32 if single else np.float64
+    response, paints = task.tables.single(task) if single else (task.response, task.paints)
+    target, alike, *rest = (np.asarray(part, kind) for part in weights)
+    grounds = np.asarray(some.grounds, kind)
 
     def run(n: np.ndarray) -> Fitted:
-        own = weights._replace(basis=n)
-        own = Weights(*(jnp.asarray(alike[basis[n]] if a is n else a[n]) for a in own))
-        films_there = (jnp.asarray(a[n]) for a in (films.sets, films.logs, some.grounds[films.row]))
-        return fit_films(task.response, task.paints, *films_there, own, task.middle, jnp.asarray(steps))
+        own = Weights(*map(jnp.asarray, (target[n], alike[basis[n]], *(part[n] for part in rest))))
+        start = map(jnp.asarray, (films.sets[n], np.asarray(films.logs[n], kind), grounds[films.row[n]]))
+        return fit_films(response, paints, *start, own, task.middle, jnp.asarray(steps))
 
-    return by_blocks(len(films.row), block_size(alike.shape[-1]), run)
+    fitted = by_blocks(len(films.row), block_size(alike.shape[-1]), run)
+    return Fitted(*(np.asarray(part, np.float64) for part in fitted))
 
 
 def _nearest(task: IdentificationTask, some: Measured, films: _Films) -> _Films:
@@ -209,7 +208,7 @@ def _nearest(task: IdentificationTask, some: Measured, films: _Films) -> _Films:
     errors = whiten(noise, np.zeros_like(noise), task.discrepancy)
     readings = some.readings.reshape(len(some), -1)[films.row]
     weights = weights_of(task, readings, Whitening(errors.basis, errors.height[films.row]))
-    fitted = _fitted(task, some, films, weights, films.row, _NEAR)
+    fitted = _fitted(task, some, films, weights, films.row, task.effort.near)
     return replace(films, logs=fitted.logs, readings=fitted.readings)
 
 

@@ -17,6 +17,8 @@ from .task import Measured
 NOBODY = -1
 """Stands where a candidate has fewer than three paints."""
 
+# Standard deviation of a logarithm beyond which nothing is known.
+_OPEN = 50.0
 # Standard deviations from the middle of a Gaussian to the ends of its central 90 %.
 _NINETY = np.array([-1.6448536269514722, 1.6448536269514722])
 STRENGTH = float(np.hypot(MIXED.level, MIXED.coefficient) * np.sqrt(np.dot(PRIOR, np.square(SIZES))))
@@ -219,7 +221,7 @@ class Identification:
         fractions = np.einsum("scij,scjk,scik->sci", slope, covariance, slope)
         thickness = np.einsum("sci,scij,scj->sc", share, covariance, share)
         parts = np.diagonal(covariance, axis1=-2, axis2=-1), fractions, thickness
-        amounts, fractions, thickness = (np.sqrt(np.maximum(part, 0.0)) for part in parts)
+        amounts, fractions, thickness = (np.minimum(np.sqrt(np.maximum(part, 0.0)), _OPEN) for part in parts)
         return amounts, fractions, thickness
 
     @cached_property

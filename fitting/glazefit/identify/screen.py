@@ -1,12 +1,11 @@
 """Which mixtures may explain a spectrum: sets of paints, and a coarse search that says where to start each.
 
 A candidate is a set of one to three paints; its unknowns are the amounts a_i = thickness times fraction, in units of a
-usual thickness, so that k d = sum a_i k_i. Sets of one and two paints are all tried on a grid of amounts, which is one
-product of matrices for many spectra. Sets of three grow from the best pairs, so that the cost stays in proportion to
+usual thickness, so that k d = sum a_i k_i. Sets of one and two paints are all tried on a grid of amounts
+(`glazefit.identify.table`). Sets of three grow from the best pairs, so that the cost stays in proportion to
 the number of paints.
 """
 
-import functools
 import itertools
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -26,7 +25,6 @@ _FRACTIONS = np.array([0.002, 0.008, 0.03, 0.1, 0.25, 0.5, 0.75, 0.9, 0.97, 0.99
 _TOTALS = np.linspace(-4.3, 4.0, 13)
 # Amounts of a third paint, as a share of the pair's.
 _THIRDS = np.array([0.003, 0.02, 0.1, 0.4, 1.5])
-_BLOCK = 64
 
 
 class Paints(NamedTuple):
@@ -42,14 +40,6 @@ def paints_of(pigments: Sequence[Pigment], thickness: float) -> Paints:
         jnp.stack([jnp.asarray(p.absorption) for p in pigments]) * thickness,
         jnp.stack([jnp.asarray(p.scattering) for p in pigments]) * thickness,
     )
-
-
-class WhitenedSpectra(NamedTuple):
-    """Spectra in the units of their errors, where these are taken as alike: |W (y - f)|^2 is what a film costs."""
-
-    target: Float[Array, "spectra readings"]  # W (y - surface)
-    whitening: Float[Array, "readings readings"]
-    ground: Float[Array, "grounds bands"]
 
 
 def sets_of(count: int, size: int) -> Int[np.ndarray, "sets size"]:
@@ -93,33 +83,6 @@ def film_readings(
     s = jnp.einsum("ntm,nmb->ntb", amounts, paints.scattering[sets])
     black, gain, back = (a[:, :, None, :] for a in response.numbers(k, s))
     return (black + gain * ground / (1.0 - back * ground)).reshape(*k.shape[:2], -1)
-
-
-@functools.partial(jax.jit, static_argnames="block")
-def screen(
-    response: FilmResponse, paints: Paints, sets: Array, grid: Array, search: WhitenedSpectra, block: int = _BLOCK
-) -> tuple[Float[Array, "spectra sets"], Int[Array, "spectra sets"]]:
-    """Least cost of each set over a grid of amounts, and the grid point where it is.
-
-    Args:
-        response: of the instrument.
-        paints: of the catalogue.
-        sets: (sets, size).
-        grid: amounts, (points, size).
-        search: spectra that share grounds.
-        block: sets done at a time, so that memory stays bounded.
-    """
-    projected = search.target @ search.whitening  # W^T W y
-    size = jnp.sum(search.target**2, axis=-1)
-
-    def one(members: Array) -> tuple[Array, Array]:
-        films = film_readings(response, paints, members[None], grid[None], search.ground)[0]
-        own = jnp.sum((films @ search.whitening.T) ** 2, axis=-1)
-        cost = size[:, None] + own - 2.0 * projected @ films.T
-        return cost.min(axis=-1), jnp.argmin(cost, axis=-1)
-
-    cost, where = jax.lax.map(one, sets, batch_size=block)
-    return cost.T, where.T
 
 
 def grow(

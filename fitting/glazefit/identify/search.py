@@ -21,10 +21,8 @@ from .two_coats import fit_stacks, orders, stack_slopes, stack_starts
 CHUNK = 64
 """Spectra that are fitted at a time."""
 
-_KEPT_PAIRS, _GROWN_PAIRS, _KEPT_TRIPLES, _STACKED = 80, 12, 40, 8
+_GROWN_PAIRS, _KEPT_TRIPLES, _STACKED = 12, 40, 8
 _ROUNDS = 2
-# Damped steps while candidates are ranked.
-_STEPS = 5
 # Error while candidates are looked for, at a reading of 0 over that at a middling one.
 _DARK = 0.1
 
@@ -62,7 +60,7 @@ def first_starts(task: IdentificationTask, measured: Measured) -> SetStarts:
     for rows, ground in alike_grounds(measured.grounds):
         table = task.tables.over(task, ground)
         kinds = table.nearest(task.target(measured.readings[rows]))
-        parts = [_best_starts(kind, *near) for kind, near in zip(table.sizes, kinds, strict=True)]
+        parts = [_best_starts(kind, *near, task.effort.pairs) for kind, near in zip(table.sizes, kinds, strict=True)]
         found.append((rows, np.concatenate(parts, axis=1)))
     order = np.argsort(np.concatenate([rows for rows, _ in found]))
     both = np.concatenate([part for _, part in found])[order]
@@ -71,10 +69,10 @@ def first_starts(task: IdentificationTask, measured: Measured) -> SetStarts:
 
 
 def _best_starts(
-    kind: TableOfSize, cost: Float[np.ndarray, "spectra sets"], where: Int[np.ndarray, "spectra sets"]
+    kind: TableOfSize, cost: Float[np.ndarray, "spectra sets"], where: Int[np.ndarray, "spectra sets"], pairs: int
 ) -> Float[np.ndarray, "spectra kept four"]:
     """Members and log amounts of the sets of one size that are kept, side by side."""
-    keep = len(kind.sets) if kind.sets.shape[1] == 1 else min(len(kind.sets), _KEPT_PAIRS)
+    keep = len(kind.sets) if kind.sets.shape[1] == 1 else min(len(kind.sets), pairs)
     best = np.argsort(cost, axis=1, kind="stable")[:, :keep]
     logs = np.log(kind.grid[np.take_along_axis(where, best, axis=1)])
     room = ((0, 0), (0, 0), (0, 2 - kind.sets.shape[1]))
@@ -167,7 +165,7 @@ def _with_surface(task: IdentificationTask, pool: Pool, some: Measured) -> Pool:
 def _fit(task: IdentificationTask, start: SetStarts, ranking: _Ranking) -> Fitted:
     logs = jnp.asarray(np.clip(start.logs, np.log(LEAST), np.log(MOST)), jnp.float32)
     films = task.tables.single(task)
-    return fit_sets(*films, jnp.asarray(start.sets), logs, *ranking, task.middle, steps=_STEPS)
+    return fit_sets(*films, jnp.asarray(start.sets), logs, *ranking, task.middle, steps=task.effort.ranking)
 
 
 def _flat(spectra: Float[np.ndarray, "spectra grounds bands"]) -> Float[np.ndarray, "spectra readings"]:

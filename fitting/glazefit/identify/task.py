@@ -16,6 +16,7 @@ from ..film.films import Noise
 from ..film.noise import noise_of_each
 from ..film.optics import Optics
 from ..film.response import FilmResponse
+from .effort import Effort
 from .screen import Paints, sets_of
 from .table import FilmTables
 
@@ -178,6 +179,7 @@ class IdentificationTask(NamedTuple):
     extenders: Bool[np.ndarray, "paints"]  # those that a film of usual thickness hardly shows
     max_paints: int
     layers: int
+    effort: Effort
     tables: FilmTables  # of this task alone
 
     @property

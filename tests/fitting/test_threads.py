@@ -1,0 +1,50 @@
+"""Work done side by side."""
+
+import threading
+import time
+
+import jax
+import jax.numpy as jnp
+import pytest
+
+from glazefit.film import threads
+from glazefit.film.threads import in_threads
+
+
+@pytest.fixture(autouse=True)
+def two_cores(monkeypatch):
+    monkeypatch.setattr(threads, "cores", lambda: 2)
+
+
+def test_answers_come_in_order_and_side_by_side():
+    """Two that wait for each other would never end one after the other."""
+    both = threading.Barrier(2, timeout=30.0)
+
+    def work(item: int) -> int:
+        both.wait()
+        return 10 * item
+
+    assert in_threads(work, [3, 1, 2, 5]) == [30, 10, 20, 50]
+    assert in_threads(lambda item: item, [7]) == [7]
+    assert in_threads(lambda item: item, []) == []
+
+
+@pytest.mark.parametrize("double", [True, False])
+def test_threads_compute_in_the_precision_of_the_caller(double: bool):
+    with jax.enable_x64(double):
+        kinds = in_threads(lambda item: jnp.asarray(item, float).dtype, [0.1, 0.2, 0.3])
+    assert kinds == [jnp.dtype("float64" if double else "float32")] * 3
+
+
+def test_a_mistake_is_raised_and_ends_what_has_not_begun():
+    begun = []
+
+    def work(item: int) -> None:
+        begun.append(item)
+        if item == 0:
+            raise ValueError("no such film")
+        time.sleep(0.05)
+
+    with pytest.raises(ValueError, match="no such film"):
+        in_threads(work, list(range(100)))
+    assert len(begun) < 20
