@@ -1,16 +1,20 @@
 """What a user waits for: seconds from the start of a process to its answer, with an empty compilation cache and again.
 
-    python -m benchmarks.cold_start [--out FOLDER] [--only NAME] [--repetitions N]
+    python -m benchmarks.cold_start [--out FOLDER] [--only NAME ...] [--repetitions N] [--before CHECKOUT]
 
 Each command runs in processes of its own: once with an empty cache of compiled programs, and again with what that run
 left there. JAX's own monitoring tells how many programs were compiled and where the time went: tracing Python, lowering
 to XLA, compiling (or taking from the cache); the rest is imports and work. Beside them stand Python and `import jax`
-alone, which nobody who uses JAX can go below.
+alone, which nobody who uses JAX can go below. Seconds of the processor, over all threads, stand beside the seconds that
+pass: other programs on the machine change these much less.
+
+With ``--before`` each command is run from another checkout too, in turn with this one.
 """
 
 import argparse
 import json
 import os
+import resource
 import statistics
 import subprocess
 import sys
@@ -40,6 +44,7 @@ try:
 finally:
     open(where, "w").write(json.dumps(spent))
 """
+ROOT = Path(__file__).resolve().parents[1]
 _TRACE = "/jax/core/compile/jaxpr_trace_duration"
 _LOWER = "/jax/core/compile/jaxpr_to_mlir_module_duration"
 _COMPILE = "/jax/core/compile/backend_compile_duration"
@@ -49,6 +54,7 @@ class Timing(NamedTuple):
     """One process."""
 
     seconds: float
+    cpu: float
     programs: int
     trace: float
     lower: float
@@ -102,8 +108,8 @@ def prepare(folder: Path) -> None:
     (folder / "blue.csv").write_text(written(made.films.take([0, 1])))
 
 
-def timed(words: list[str], cache: Path, told: Path) -> Timing:
-    """One process, from its start to its end.
+def timed(words: list[str], cache: Path, told: Path, root: Path = ROOT) -> Timing:
+    """One process, from its start to its end, of the packages in a checkout.
 
     Raises:
         SystemExit: the command failed; says what it printed.
@@ -111,52 +117,73 @@ def timed(words: list[str], cache: Path, told: Path) -> Timing:
     told.unlink(missing_ok=True)
     plain = words[0] == "-c"
     line = [sys.executable, *words] if plain else [sys.executable, "-c", _RUN, str(told), *words]
-    began = time.perf_counter()
-    done = subprocess.run(
-        line, capture_output=True, text=True, env={**os.environ, "GLAZEJAX_CACHE": str(cache)}, check=False
-    )
-    took = time.perf_counter() - began
+    paths = os.pathsep.join([str(root / "src"), str(root / "fitting")])
+    environment = {**os.environ, "GLAZEJAX_CACHE": str(cache), "PYTHONPATH": paths}
+    before, began = _processor(), time.perf_counter()
+    done = subprocess.run(line, capture_output=True, text=True, env=environment, check=False)
+    took, cpu = time.perf_counter() - began, _processor() - before
     if done.returncode:
         raise SystemExit(f"{' '.join(words)} failed: {done.stderr.strip()[-500:]}")
     spent = {} if plain else json.loads(told.read_text())
     count, compiling = spent.get(_COMPILE, (0, 0.0))
     trace, lower = (spent.get(event, (0, 0.0))[1] for event in (_TRACE, _LOWER))
-    return Timing(took, count, trace, lower, compiling)
+    return Timing(took, cpu, count, trace, lower, compiling)
+
+
+def _processor() -> float:
+    """Seconds that ended child processes have had of the processor."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
+def row(name: str, first: Timing, again: list[Timing]) -> str:
+    """A command's line: with an empty cache, and the medians with a full one."""
+
+    def middle(what: str) -> float:
+        return statistics.median(getattr(run, what) for run in again)
+
+    shown = f"{name:<32}{first.seconds:>8.1f}{middle('seconds'):>8.1f}{first.cpu:>9.1f}{middle('cpu'):>8.1f}"
+    shown += f"{first.programs:>10}{first.trace:>15.1f}{first.lower:>8.1f}{first.compile:>9.1f}"
+    return shown + f"{middle('trace'):>14.1f}{middle('lower'):>8.1f}{middle('compile'):>8.1f}"
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add_option(parser)
-    parser.add_argument("--only", help="commands whose name holds this")
+    parser.add_argument("--only", nargs="+", help="commands of these names, whose file is not written")
+    parser.add_argument("--save", action="store_true", help="write the file all the same")
     parser.add_argument("--repetitions", type=int, default=3, help="runs with a full cache (default: %(default)s)")
+    parser.add_argument("--before", type=Path, help="another checkout, whose commands are run in turn with these")
     options = parser.parse_args()
     say = Results("cold_start", options.out)
     say(environment())
-    say("Seconds from the start of the process to its end; of the warm runs the median.")
+    say("Seconds from the start of the process to its end, and seconds of the processor (cpu), with an empty cache and")
+    say("warm; of the warm runs the medians.")
     say()
     say(
-        f"{'':<24}{'empty':>8}{'warm':>8}{'programs':>10}   empty: trace   lower  compile   warm: trace   lower    load"
+        f"{'':<32}{'empty':>8}{'warm':>8}{'cpu':>9}{'cpu':>8}{'programs':>10}"
+        "   empty: trace   lower  compile   warm: trace   lower    load"
     )
+    checkouts = {"": ROOT} if options.before is None else {", before": options.before.resolve(), "": ROOT}
     with tempfile.TemporaryDirectory() as temporary:
         folder = Path(temporary)
         prepare(folder)
         for number, (name, words) in enumerate(commands(folder).items()):
-            if options.only and options.only not in name:
+            if options.only and name not in options.only:
                 continue
-            cache = folder / f"cache{number}"
-            cache.mkdir()
-            first = timed(words, cache, folder / "told.json")
-            again = [timed(words, cache, folder / "told.json") for _ in range(options.repetitions)]
-            warm = sorted(again)[len(again) // 2]
-            median = statistics.median(run.seconds for run in again)
-            say(
-                f"{name:<24}{first.seconds:>8.1f}{median:>8.1f}{first.programs:>10}"
-                f"{first.trace:>15.1f}{first.lower:>8.1f}{first.compile:>9.1f}"
-                f"{warm.trace:>14.1f}{warm.lower:>8.1f}{warm.compile:>8.1f}"
-            )
+            caches = {which: folder / f"cache{number}{which}" for which in checkouts}
+            first, again = {}, {which: [] for which in checkouts}
+            for which, cache in caches.items():
+                cache.mkdir()
+                first[which] = timed(words, cache, folder / "told.json", checkouts[which])
+            for _ in range(options.repetitions):
+                for which, cache in caches.items():
+                    again[which].append(timed(words, cache, folder / "told.json", checkouts[which]))
+            for which in checkouts:
+                say(row(name + which, first[which], again[which]))
     say()
     say("Trace, lower, compile: sums over all programs; programs compiled side by side count each.")
-    if not options.only:
+    if options.save or not options.only:
         say.save()
 
 

@@ -13,6 +13,7 @@ from glazefit.recipe.model import Optics, empty_slots, fill_slots, make_model, r
 from glazefit.recipe.refine import refine
 from glazefit.recipe.report import print_best, print_recipes
 from glazefit.recipe.screen import Stacks, TargetArrays, _sensible
+from glazefit.recipe.sobol import scrambled_sobol
 from glazefit.recipe.targets import colourchecker_targets, lab_target, spectral_target, srgb_target
 from glazejax import Bidirectional, colour
 
@@ -204,3 +205,11 @@ def test_stacks_differ_by_the_order_of_their_coats():
     assert len(select([one, other], 5, 0.3)) == 2
     assert one.distance == 1.0
     assert one.effort(0.5) == (True, 1.0 + 0.5 * 4)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 77])
+def test_sobol_points_are_those_of_scipy(seed):
+    from scipy.stats import qmc
+
+    theirs = qmc.Sobol(2, rng=np.random.default_rng(seed)).random_base2(6)
+    np.testing.assert_array_equal(scrambled_sobol(6, seed), theirs)

@@ -15,12 +15,15 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from .model import StackModel, internal, lab_of
+from .sobol import scrambled_sobol
 
 MOST_SCREENED = 3
 """Most paints in a recipe that is found here; more are added to these (`glazefit.recipe.refine.grown`)."""
 
 # Range of the logarithm of a paint's share over another's, when both are weighted by their strength.
 _RANGE = 4.5
+# Sets of one coat that are looked at in one call, always as many, and side by side.
+_SETS, _BATCH = 192, 8
 _POINTS = {1: (1, 8), 2: (7, 4), 3: (20, 4)}  # proportions and thicknesses, by the number of paints
 
 
@@ -132,17 +135,50 @@ def screen(
     count = min(max_paints, MOST_SCREENED, model.absorption.shape[0]) if mixed else 1
     coats = {n: _coats(model, n, seed) for n in range(1, count + 1)}
     found = []
-    for some in coats.values():
-        cost, best = map(np.array, _one_coat(model, aims, some))
+    for some, (cost, best) in zip(coats.values(), _of_one_coat(model, aims, list(coats.values())), strict=True):
         found.append(_one_coat_stacks(model, some, cost, best, keep, max_layers))
-    for n, m in itertools.product(coats, coats) if max_layers >= 2 else ():
-        # The wide grid of three paints in a coat is for single coats.
-        if n + m <= MOST_SCREENED:
-            top, bottom = coats[n], coats[m]
-            cost, best = map(np.array, _two_coats(model, aims, top, bottom))
-            cost[~_sensible(top.paints, bottom.paints, max_paints)] = np.inf
-            found.append(_two_coat_stacks(model, (top, bottom), cost, best, keep, max_layers))
+    for n in coats if max_layers >= 2 else ():
+        # The wide grid of three paints in a coat is for single coats. What lies below goes in one program.
+        below = [bottom for m, bottom in coats.items() if n + m <= MOST_SCREENED]
+        if not below:
+            continue
+        many = max(bottom.amounts.shape[1] for bottom in below)
+        joined = _joined(below)
+        cost, best = map(np.array, _two_coats(model, aims, coats[n], joined))
+        ends = np.cumsum([0, *(len(bottom.paints) for bottom in below)])
+        for bottom, start, end in zip(below, ends, ends[1:], strict=False):
+            here = cost[:, start:end]
+            here[~_sensible(coats[n].paints, bottom.paints, max_paints)] = np.inf
+            pair = (coats[n], bottom)
+            found.append(_two_coat_stacks(model, pair, here, best[:, start:end], many, keep, max_layers))
     return Stacks.join(found).best(keep)
+
+
+def _joined(kinds: Sequence[_Coats]) -> _Coats:
+    """Coats of different numbers of paints, one below the other: filled up by none of a paint and by first points."""
+    points, width = (max(coats.amounts.shape[axis] for coats in kinds) for axis in (1, 2))
+    amounts = []
+    for coats in kinds:
+        wide = np.pad(coats.amounts, ((0, 0), (0, 0), (0, width - coats.amounts.shape[2])))
+        again = np.zeros(points - wide.shape[1], int)
+        amounts.append(np.concatenate([wide, wide[:, again]], axis=1))
+    paints = [np.pad(coats.paints, ((0, 0), (0, width - coats.paints.shape[1]))) for coats in kinds]
+    return _Coats(np.concatenate(paints), np.concatenate(amounts))
+
+
+def _of_one_coat(
+    model: StackModel, aims: TargetArrays, kinds: Sequence[_Coats]
+) -> list[tuple[Float[np.ndarray, "sets targets"], Int[np.ndarray, "sets targets"]]]:
+    """Least cost of each set of each kind, and the point where it is, by one program."""
+    everything, done = _joined(kinds), []
+    total = len(everything.paints)
+    for first in range(0, total, _SETS):
+        rows = np.arange(first, first + _SETS).clip(max=total - 1)
+        some = _one_coat(model, aims, _Coats(*(values[rows] for values in everything)))
+        done.append([np.array(values)[: total - first] for values in some])
+    cost, best = (np.concatenate(values) for values in zip(*done, strict=True))
+    ends = np.cumsum([len(coats.paints) for coats in kinds])[:-1]
+    return list(zip(np.split(cost, ends), np.split(best, ends), strict=True))
 
 
 def strength(model: StackModel) -> Float[np.ndarray, "paints"]:
@@ -151,8 +187,6 @@ def strength(model: StackModel) -> Float[np.ndarray, "paints"]:
 
 
 def _coats(model: StackModel, n: int, seed: int) -> _Coats:
-    from scipy.stats import qmc
-
     paints = np.array(list(itertools.combinations(range(model.absorption.shape[0]), n)))
     proportions, depths = _POINTS[n]
     if n == 1:
@@ -161,7 +195,7 @@ def _coats(model: StackModel, n: int, seed: int) -> _Coats:
         logs = np.linspace(-_RANGE, _RANGE, proportions)[:, None] * [0.5, -0.5]
     else:
         # Sobol points in the plane of the two ratios; a power of two is what they are made for.
-        points = qmc.Sobol(2, rng=np.random.default_rng(seed)).random_base2(5)[:proportions]
+        points = scrambled_sobol(5, seed)[:proportions]
         logs = np.concatenate([2.0 * _RANGE * (points - 0.5), np.zeros((proportions, 1))], axis=1)
     shares = np.exp(logs) / strength(model)[paints][:, None, :]
     shares /= shares.sum(axis=-1, keepdims=True)
@@ -186,7 +220,8 @@ def _one_coat(
         cost = squared_distance(model, aims, model.film.body(*_optical(model, coat), model.ground) + model.surface)
         return cost.min(axis=0), cost.argmin(axis=0)
 
-    return jax.lax.map(of_one, coats, batch_size=8)
+    # A remainder would be compiled as a second program.
+    return jax.lax.map(of_one, coats, batch_size=_BATCH)
 
 
 @jax.jit
@@ -222,13 +257,16 @@ def _one_coat_stacks(
     return Stacks.unrefined(sizes, targets, cost[rows, targets])
 
 
-def _two_coat_stacks(model: StackModel, coats: tuple[_Coats, _Coats], cost, best, keep, max_layers: int) -> Stacks:
+def _two_coat_stacks(
+    model: StackModel, coats: tuple[_Coats, _Coats], cost, best, points: int, keep: Keep, max_layers: int
+) -> Stacks:
+    """`points` of the lower coat were counted, of which its own come first."""
     top, bottom = coats
     many = len(bottom.paints)
     flat = cost.reshape(-1, cost.shape[-1])
     rows, targets = _lowest(flat, keep(2, top.paints.shape[1] + bottom.paints.shape[1]))
     upper, lower = np.divmod(rows, many)
-    first, second = np.divmod(best[upper, lower, targets], bottom.amounts.shape[1])
+    first, second = np.divmod(best[upper, lower, targets], points)
     sizes = np.zeros((rows.size, max_layers, model.absorption.shape[0]))
     _lay(sizes, 0, top, upper, first)
     _lay(sizes, 1, bottom, lower, second)
