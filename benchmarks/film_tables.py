@@ -24,7 +24,7 @@ def main() -> None:
     options = parser.parse_args()
     start_jax()
     tables = {name: response.solved_table(Optics.of(*instrument)) for name, instrument in response.SHIPPED.items()}
-    np.savez_compressed(options.out, **tables)
+    np.savez_compressed(options.out, **tables)  # pyright: ignore[reportArgumentType]
     print(f"written: {options.out} ({options.out.stat().st_size / 1e3:.0f} kB)")
 
 

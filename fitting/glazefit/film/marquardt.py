@@ -130,7 +130,9 @@ def damped_solution(
     found: list[Array] = []
     for norm, row in reversed(rows):
         known = sum((row[:, i] * value for i, value in enumerate(found)), jnp.zeros_like(norm))
-        found.insert(0, jnp.where(norm > 0, (row[:, -1] - known) / jnp.where(norm > 0, norm, 1.0), 0.0))
+        value = (row[:, -1] - known) / jnp.where(norm > 0, norm, 1.0)
+        # A column of nothing says nothing of its unknown.
+        found = [value * (norm > 0).astype(value.dtype), *found]
     return jnp.stack(found, axis=1)
 
 

@@ -87,7 +87,7 @@ def make_model(
     )
 
 
-def lab_of(model: StackModel, spectra: Float[Array, "*batch bands"]) -> Float[Array, "*batch lights 3"]:
+def lab_of(model: StackModel, spectra: Float[Array | np.ndarray, "*batch bands"]) -> Float[Array, "*batch lights 3"]:
     """L*a*b* of readings under every light of the model."""
     return colour.xyz_to_lab(computed(_xyz_of, as_array(spectra), model.weights), model.white)
 
@@ -206,5 +206,5 @@ def readings_ahead(model: StackModel, coats: int, optics: Optics | None) -> None
 def _read(
     model: StackModel, sizes: Float[Array | np.ndarray, "n coats paints"], optics: Optics | None
 ) -> Float[Array, "n bands"]:
-    kd, sd = sizes @ model.absorption, sizes @ model.scattering
+    kd, sd = (jnp.asarray(sizes) @ each for each in (model.absorption, model.scattering))
     return quick_reading(model, kd, sd) if optics is None else true_reading(model, kd, sd, optics)

@@ -7,7 +7,7 @@ two is a few multiplications; the lower coat counts as the Lambertian ground tha
 
 import itertools
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -30,10 +30,12 @@ _POINTS = {1: (1, 8), 2: (7, 4), 3: (20, 4)}  # proportions and thicknesses, by 
 class TargetArrays(NamedTuple):
     """Targets as arrays."""
 
-    lab: Float[Array, "targets lights 3"]
-    metric: Float[Array, "targets lights 3 3"]  # metric @ (Lab - lab) is as long as the colour difference
-    spectrum: Float[Array, "targets bands"]
-    spectral: Float[Array, "targets"]  # weight of a difference in reflectance, summed squares over the bands
+    lab: Float[Array | np.ndarray, "targets lights 3"]
+    metric: Float[Array | np.ndarray, "targets lights 3 3"]  # metric @ (Lab - lab) is as long as the colour difference
+    spectrum: Float[Array | np.ndarray, "targets bands"]
+    spectral: Float[
+        Array | np.ndarray, "targets"
+    ]  # weight of a difference in reflectance, summed squares over the bands
 
 
 Keep = Callable[[int, int], int]
@@ -97,8 +99,8 @@ class Stacks(NamedTuple):
 class _Coats(NamedTuple):
     """Coats of the same number of paints: sets of paints times points of a grid."""
 
-    paints: Int[np.ndarray | Array, "sets paints"]
-    amounts: Float[np.ndarray | Array, "sets points paints"]  # um
+    paints: Any  # Int (sets, paints), NumPy's or JAX's
+    amounts: Any  # Float (sets, points, paints), um
 
 
 def squared_distance(
@@ -207,7 +209,8 @@ def _coats(model: StackModel, n: int, seed: int) -> _Coats:
 
 def _optical(model: StackModel, coats: _Coats) -> tuple[Float[Array, "... bands"], Float[Array, "... bands"]]:
     """k d and s d of coats."""
-    return coats.amounts @ model.absorption[coats.paints], coats.amounts @ model.scattering[coats.paints]
+    amounts = jnp.asarray(coats.amounts)
+    return amounts @ model.absorption[coats.paints], amounts @ model.scattering[coats.paints]
 
 
 @jax.jit

@@ -54,12 +54,11 @@ def charts() -> dict[str, dict[str, Curve]]:
 def _rows(file: str, names: int) -> dict[tuple[str, ...], Curve]:
     """Curves of a table: so many names, the first wavelength, the step, and the values in a row each."""
     found = {}
-    with files(__package__).joinpath(file).open(encoding="utf-8", newline="") as lines:
-        for row in csv.reader(lines):
-            numbers = np.array(row[names:], dtype=np.float64)
-            start, step, values = numbers[0], numbers[1], numbers[2:]
-            grid = start + step * np.arange(values.size)
-            for array in (grid, values):
-                array.setflags(write=False)
-            found[tuple(row[:names])] = Curve(grid, values)
+    for row in csv.reader(files("glazejax.cie").joinpath(file).read_text(encoding="utf-8").splitlines()):
+        numbers = np.array(row[names:], dtype=np.float64)
+        start, step, values = numbers[0], numbers[1], numbers[2:]
+        grid = start + step * np.arange(values.size)
+        for array in (grid, values):
+            array.setflags(write=False)
+        found[tuple(row[:names])] = Curve(grid, values)
     return found
