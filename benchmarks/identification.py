@@ -1,6 +1,6 @@
 """Identification of other people's paints and across shades and cards; and its speed.
 
-    python -m benchmarks.identification [--out FOLDER]
+    python -m benchmarks.identification [--device gpu] [--out FOLDER]
 
 Films left out of a fit, with known truth, are in `benchmarks.truth`. Kimera masstones and the RRT panel are
 other paints, measured with other instruments. HypPigments: three shades of each of 398 patches are known, the fourth is
@@ -12,6 +12,7 @@ import time
 
 import numpy as np
 
+from benchmarks import device
 from benchmarks.identification_sets import hyppigments, hyppigments_across_cards, kimera, rrt
 from benchmarks.results import Results, add_option
 from benchmarks.timing import environment
@@ -56,10 +57,13 @@ def speed(results: Results, count: int = 1000) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add_option(parser)
+    device.add_option(parser)
     options = parser.parse_args()
+    chosen = device.start(options.device)
     start_jax()
-    results = Results("identification", options.out)
+    results = Results(device.file_name("identification", options.device), options.out)
     results(environment())
+    results(device.words(chosen))
     results()
     for part in (speed, kimera, rrt, hyppigments, hyppigments_across_cards):
         part(results)
