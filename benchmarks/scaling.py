@@ -7,9 +7,8 @@ wavelengths run beside CDISORT's threaded batch binding (extra `benchmark`; it h
 setting that is the cheapest with a relative error of 1e-4 on 41 wavelengths x 2 layers. Stacks have two layers and a
 tolerance of 1e-4: their value, value and slopes by every albedo and thickness, and the value in single precision. A
 picture has two layers with a thickness map each, 31 wavelengths, Delta E00 0.1. Warm medians, compilation left out.
-Exponents are slopes of a line through the logarithms over the range given. With `--device gpu`
-there is a column for it; what
-it holds in its own memory is not counted. Writes a table and a log-log plot.
+Exponents are slopes of a line through the logarithms over the range given. With `--device gpu` there is a column for
+it; what it holds in its own memory is not counted. Writes a table and a log-log plot.
 """
 
 import argparse
