@@ -104,8 +104,8 @@ def test_tables_that_ship_are_the_solver_s(name):
     )
     grounds = np.array([0.0, 0.5, 1.0])
     black, gain, back = values[:, rows, columns, None]
-    films = (jnp.asarray(values[:, None, None]) for values in (kd, sd))
-    expected = np.asarray(optics.body(*films, jnp.asarray(grounds), 1e-6))
+    deep_k, deep_s = (jnp.asarray(depth[:, None, None]) for depth in (kd, sd))
+    expected = np.asarray(optics.body(deep_k, deep_s, jnp.asarray(grounds), 1e-6))
     np.testing.assert_allclose(black + gain * grounds / (1 - back * grounds), expected, atol=1e-9)
 
 

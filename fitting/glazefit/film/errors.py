@@ -353,13 +353,13 @@ def whitening(
     matrix: Float[np.ndarray, "*n r r"],
 ) -> tuple[Float[np.ndarray, "*n r r"], Float[np.ndarray | np.floating, "*n"]]:
     """W with W^T W the inverse of a covariance, and log det W - (r/2) log 2 pi, the height of the Gaussian."""
-    from scipy.linalg.lapack import dtrtri
+    from scipy.linalg.lapack import dtrtri  # pyright: ignore
 
     factor = np.linalg.cholesky(matrix)
     inverse = np.empty_like(factor)
     # A triangle's inverse takes less than half the time of numpy's, which knows none.
     for place in np.ndindex(factor.shape[:-2]):
-        inverse[place] = dtrtri(factor[place], lower=1)[0]
+        inverse[place] = dtrtri(factor[place], lower=1)[0]  # pyright: ignore
     height = -np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum(axis=-1)
     return inverse, height - 0.5 * matrix.shape[-1] * np.log(2.0 * np.pi)
 
