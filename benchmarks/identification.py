@@ -23,10 +23,10 @@ from benchmarks.identification_sets import hyppigments, hyppigments_across_cards
 from benchmarks.results import Results, add_option
 from benchmarks.timing import environment
 from glazefit import Identification, Noise, identify
-from glazefit.film import threads
 from glazefit.film.response import film_response
 from glazejax import Hemispherical, Pigment, catalogue
 from glazejax.commands.main import start_jax
+from glazejax.radiative.common import threads
 
 UNIT = 25e-6
 

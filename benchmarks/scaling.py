@@ -5,9 +5,10 @@
 Each series runs in a process of its own, from small to large, and notes the highest resident memory so far. Layers and
 wavelengths run beside CDISORT's threaded batch binding (extra `benchmark`; it has no refracting surface), each at the
 setting that is the cheapest with a relative error of 1e-4 on 41 wavelengths x 2 layers. Stacks have two layers and a
-tolerance of 1e-4. A picture has two layers with a thickness map each, 31 wavelengths, Delta E00 0.1. Warm medians,
-compilation left out. Exponents are slopes of a line through the logarithms over the range given. With a GPU there is a
-column for it; what it holds in its own memory is not counted. Writes a table and a log-log plot.
+tolerance of 1e-4: their value, value and slopes by every albedo and thickness, and the value in single precision. A
+picture has two layers with a thickness map each, 31 wavelengths, Delta E00 0.1. Warm medians, compilation left out.
+Exponents are slopes of a line through the logarithms over the range given. With a GPU there is a column for it; what
+it holds in its own memory is not counted. Writes a table and a log-log plot.
 """
 
 import argparse
@@ -79,12 +80,22 @@ def cheapest(make: Callable[[Any], Callable[[], Any]], settings: tuple, truth: n
     raise RuntimeError(f"no setting reaches a relative error of {RELATIVE_ERROR:g}")
 
 
-def many_stacks(count: int) -> Callable[[], Any]:
+def many_stacks(count: int) -> dict[str, Callable[[], Any]]:
+    """The value; with its slopes by every albedo and thickness; and in single precision."""
     from glazejax import stack_reflectance_factor
 
     rng = np.random.default_rng(0)
-    albedo, thickness = rng.uniform(0, 1, (count, 2)), rng.uniform(0.1, 2, (count, 2))
-    return lambda: stack_reflectance_factor(albedo, thickness, 0.7, cos_incidence=0.8, tolerance=1e-4)
+    numbers = rng.uniform(0, 1, (count, 2)), rng.uniform(0.1, 2, (count, 2))
+
+    def value(albedo, thickness):
+        return stack_reflectance_factor(albedo, thickness, 0.7, cos_incidence=0.8, tolerance=1e-4)
+
+    def single():
+        with jax.enable_x64(False):
+            return value(*numbers)
+
+    slopes = jax.value_and_grad(lambda *given: jnp.sum(value(*given)), (0, 1))
+    return {"glazejax": lambda: value(*numbers), "with slopes": lambda: slopes(*numbers), "float32": single}
 
 
 def picture(pixels: int) -> Callable[[], Any]:
@@ -101,7 +112,7 @@ def picture(pixels: int) -> Callable[[], Any]:
 def programs(name: str) -> Callable[[int], dict[str, Callable[[], Any]]]:
     """For a series: from a size to the programs to run."""
     if name == "stacks":
-        return lambda size: {"glazejax": many_stacks(size)}
+        return many_stacks
     if name == "pixels":
         return lambda size: {"glazejax": picture(size)}
     reference = two_layers()
@@ -127,16 +138,17 @@ def measure(name: str, platform: str) -> None:
         make = programs(name)
         for size in series.sizes:
             point = make(size)
-            seconds = {}
+            seconds, peak = {}, 0
             for key, program in point.items():
                 jax.block_until_ready(program())
+                if key == "glazejax":
+                    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
                 start = time.perf_counter()
                 jax.block_until_ready(program())
                 seconds[key] = time.perf_counter() - start
             repetitions = int(PATIENCE / sum(seconds.values()))
             if repetitions >= 3:
                 seconds = interleaved(point, min(repetitions, 40))
-            peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
             print(json.dumps({"size": size, "peak": peak, "seconds": seconds}), flush=True)
 
 
@@ -160,13 +172,15 @@ def table(say: Results, series: Series, results: dict[str, list[dict[str, Any]]]
     """Results by platform, CPU first."""
     cpu = results["cpu"]
     peer = "CDISORT" in cpu[0]["seconds"]
-    columns = ["ms", "peak MiB"] + ["CDISORT ms", "ratio"] * peer + [f"{p} ms" for p in results if p != "cpu"]
+    others = [name for name in cpu[0]["seconds"] if name not in ("glazejax", "CDISORT")]
+    columns = ["ms", "peak MiB"] + ["CDISORT ms", "ratio"] * peer + others + [f"{p} ms" for p in results if p != "cpu"]
     say(f"\n{series.what:<36}" + "".join(f"{c:>12}" for c in columns))
     for k, point in enumerate(cpu):
         ours = point["seconds"]["glazejax"]
         cells = [f"{1e3 * ours:.4g}", f"{point['peak'] / 2**20:.0f}"]
         if peer:
             cells += [f"{1e3 * point['seconds']['CDISORT']:.4g}", f"{ours / point['seconds']['CDISORT']:.2f}"]
+        cells += [f"{1e3 * point['seconds'][name]:.4g}" for name in others]
         cells += [f"{1e3 * r[k]['seconds']['glazejax']:.4g}" for p, r in results.items() if p != "cpu"]
         say(f"{point['size']:<36}" + "".join(f"{c:>12}" for c in cells))
     names = [(p, "glazejax") for p in results] + [("cpu", "CDISORT")] * peer
@@ -187,7 +201,7 @@ def draw(results: dict[str, dict[str, list[dict[str, Any]]]]) -> Any:
         for platform, points in results[series.name].items():
             sizes = np.array([p["size"] for p in points])
             for name in points[0]["seconds"]:
-                if name == "CDISORT" and platform != "cpu":
+                if name not in ("glazejax", "CDISORT") or (name == "CDISORT" and platform != "cpu"):
                     continue
                 slope = exponent(points, name, series.fitted)
                 label = f"{name}{'' if platform == 'cpu' else ' on ' + platform}, slope {slope:.2f}"

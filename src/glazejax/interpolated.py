@@ -34,6 +34,7 @@ from .chebyshev_table import (
     product,
     trial_line,
 )
+from .radiative.common.chunks import on_cpu
 from .spectra import Numbers, as_float_array, concrete
 
 Distance = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -260,7 +261,7 @@ def _in_pieces(function: Callable, coefficients: Array, columns: tuple[Array, ..
     """Results (points, channels) of a function from pieces of the columns to (channels, points)."""
     count = columns[0].shape[0]
     each = math.prod(coefficients.shape[1:]) + sum(coefficients.shape)
-    size = max(64, (_PIECE_NUMBERS if jax.default_backend() == "cpu" else _PIECE_ELSEWHERE) // each)
+    size = max(64, (_PIECE_NUMBERS if on_cpu() else _PIECE_ELSEWHERE) // each)
     if count <= size:
         return [values.T for values in function(*columns)]
     pieces = -(-count // size)

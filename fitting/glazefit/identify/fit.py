@@ -25,30 +25,32 @@ LEAST, MOST = 1e-5, 60.0
 _STEPS = 14
 _LONGEST = 2.0
 
+Number = Float[Array | np.ndarray, ""]
+
 
 class Weights(NamedTuple):
     """Errors and prior of one spectrum, or of one candidate for it."""
 
-    target: Float[Array, "readings"]  # without the mean surface
-    basis: Float[Array, "scales components readings"]  # components: as many as readings, or few that rank
-    height: Float[Array, "scales"]
-    spread: Float[Array, ""]
-    concentration: Float[Array, ""]
-    freedom: Float[Array, ""]  # of Student's t; 0 for Gaussian errors
-    independent: Float[Array, ""]  # readings that count as independent where errors follow Student's t
+    target: Float[Array | np.ndarray, "readings"]  # without the mean surface
+    basis: Float[Array | np.ndarray, "scales components readings"]  # components: as many as readings, or few that rank
+    height: Float[Array | np.ndarray, "scales"]
+    spread: Float[Array | np.ndarray, ""]
+    concentration: Float[Array | np.ndarray, ""]
+    freedom: Float[Array | np.ndarray, ""]  # of Student's t; 0 for Gaussian errors
+    independent: Float[Array | np.ndarray, ""]  # readings that count as independent where errors follow Student's t
 
 
 class Fitted(NamedTuple):
     """Candidates of one spectrum."""
 
-    logs: Float[Array, "sets size"]
-    covariance: Float[Array, "sets size size"]  # of the log amounts
-    log_evidence: Float[Array, "sets"]
-    readings: Float[Array, "sets readings"]  # without the surface
+    logs: Float[Array | np.ndarray, "sets size"]
+    covariance: Float[Array | np.ndarray, "sets size size"]  # of the log amounts
+    log_evidence: Float[Array | np.ndarray, "sets"]
+    readings: Float[Array | np.ndarray, "sets readings"]  # without the surface
 
 
 def log_prior(
-    logs: Float[Array, "size"], present: Bool[Array, "size"], spread: Array, concentration: Array
+    logs: Float[Array, "size"], present: Bool[Array, "size"], spread: Number, concentration: Number
 ) -> Float[Array, ""]:
     """Log prior density of log amounts: log-normal total of median 1, Dirichlet fractions."""
     m = present.sum(dtype=logs.dtype)
@@ -58,7 +60,7 @@ def log_prior(
     return -0.5 * (total / spread) ** 2 - jnp.log(spread * jnp.sqrt(2.0 * jnp.pi)) + fractions
 
 
-def _prior_terms(logs: Array, present: Array, spread: Array, concentration: Array) -> tuple[Array, Array]:
+def _prior_terms(logs: Array, present: Array, spread: Number, concentration: Number) -> tuple[Array, Array]:
     """Gradient of minus the log prior, and a positive part of its Hessian; 1 for a paint that is not there."""
     m = present.sum(dtype=logs.dtype)
     total, share = jax.nn.logsumexp(logs, where=present), jax.nn.softmax(logs, where=present)

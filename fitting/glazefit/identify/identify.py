@@ -91,27 +91,31 @@ def identify_chunks(
     measured = check_spectra(spectra, wavelengths, grounds, names, noise)
     known = check_pigments(pigments, measured.wavelengths)
 
-    seen_through = IdentificationTask(
-        film_response(instrument.geometry, instrument.refractive_index),
-        paints_of(known, prior.thickness),
-        relative_errors(known, discrepancy),
-        error_modes(known, discrepancy).astype(np.float32),
-        measured.wavelengths,
-        Optics.of(instrument.geometry, instrument.refractive_index),
-        instrument.seen_surface,
-        noise,
-        discrepancy,
-        prior,
-        hardly_seen(known, prior.thickness),
-        min(max_paints, len(known)),
-        layers,
-        THOROUGH if thorough else USUAL,
-        FilmTables(),
-    )
-    thick = hiding(prior, known)
-    told = grounds is None
-    hides = seen_through._replace(paints=paints_of(known, thick.thickness), prior=thick, tables=FilmTables())
-    tasks = {False: seen_through, True: hides}
+    largest, response = min(max_paints, len(known)), film_response(instrument.geometry, instrument.refractive_index)
+    told, thick = grounds is None, hiding(prior, known)
+
+    def task(opaque: bool) -> IdentificationTask:
+        expected = thick if opaque else prior
+        paints = paints_of(known, expected.thickness)
+        return IdentificationTask(
+            response,
+            paints,
+            relative_errors(known, discrepancy),
+            error_modes(known, discrepancy).astype(np.float32),
+            measured.wavelengths,
+            Optics.of(instrument.geometry, instrument.refractive_index),
+            instrument.seen_surface,
+            noise,
+            discrepancy,
+            expected,
+            hardly_seen(known, prior.thickness),
+            largest,
+            layers,
+            THOROUGH if thorough else USUAL,
+            FilmTables(response, paints, largest, expected.spread),
+        )
+
+    tasks = {opaque: task(opaque) for opaque in (False, True)}
     starts = first_starts(tasks[told], measured)
     paints = tuple(pigment.name for pigment in known)
     for together in pieces(np.arange(len(measured)), _TOGETHER):

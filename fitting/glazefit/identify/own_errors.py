@@ -188,7 +188,7 @@ def _fitted(
     In single precision evidences are good to a thousandth.
     """
     kind = np.float32 if single else np.float64
-    response, paints = task.tables.single(task) if single else (task.response, task.paints)
+    response, paints = task.tables.single if single else (task.response, task.paints)
     target, alike, *rest = (np.asarray(part, kind) for part in weights)
     grounds = np.asarray(some.grounds, kind)
 

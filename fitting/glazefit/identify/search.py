@@ -8,8 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from glazejax.radiative.common.threads import in_threads
+
 from ..film.errors import Whitening, model_covariance, whiten
-from ..film.threads import in_threads
 from .fit import LEAST, MOST, Fitted, Weights, fit_sets
 from .own_errors import Groups, allowed, fixed_errors, near_sd, own_errors, refined, weights_of
 from .result import NOBODY, Pool
@@ -50,7 +51,8 @@ def alike_errors(
     fixed = fixed_errors(task, some, some.noise_sd)
     if project is None:
         return whiten(fixed, np.broadcast_to(model, fixed.shape), d)
-    few = whiten(*(project @ np.broadcast_to(a, fixed.shape) @ project.T for a in (fixed, model)), d)
+    fixed, model = (project @ np.broadcast_to(a, fixed.shape) @ project.T for a in (fixed, model))
+    few = whiten(fixed, model, d)
     return Whitening(few.basis @ project, few.height)
 
 
@@ -58,7 +60,7 @@ def first_starts(task: IdentificationTask, measured: Measured) -> SetStarts:
     """Sets of one paint and the best of two for every spectrum, from the screening."""
     found: list[tuple[np.ndarray, np.ndarray]] = []
     for rows, ground in alike_grounds(measured.grounds):
-        table = task.tables.over(task, ground)
+        table = task.films_over(ground)
         kinds = table.nearest(task.target(measured.readings[rows]))
         parts = [_best_starts(kind, *near, task.effort.pairs) for kind, near in zip(table.sizes, kinds, strict=True)]
         found.append((rows, np.concatenate(parts, axis=1)))
@@ -137,7 +139,7 @@ class _Ranking(NamedTuple):
 
 def _ranking(task: IdentificationTask, some: Measured) -> _Ranking:
     """Errors while candidates are ranked, in the components of the films over the first ground."""
-    project = task.tables.over(task, some.grounds.mean(axis=0)).project
+    project = task.films_over(some.grounds.mean(axis=0)).project
     weights = weights_of(task, _flat(some.readings), alike_errors(task, some, project))
     small = jax.tree.map(lambda a: jnp.asarray(a, jnp.float32), (some.grounds, weights))
     return _Ranking(*small)
@@ -164,7 +166,7 @@ def _with_surface(task: IdentificationTask, pool: Pool, some: Measured) -> Pool:
 
 def _fit(task: IdentificationTask, start: SetStarts, ranking: _Ranking) -> Fitted:
     logs = jnp.asarray(np.clip(start.logs, np.log(LEAST), np.log(MOST)), jnp.float32)
-    films = task.tables.single(task)
+    films = task.tables.single
     return fit_sets(*films, jnp.asarray(start.sets), logs, *ranking, task.middle, steps=task.effort.ranking)
 
 

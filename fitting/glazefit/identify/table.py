@@ -6,7 +6,9 @@ of matrices in single precision; the best of them are then fitted.
 """
 
 import threading
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable
+from functools import cached_property
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -15,9 +17,6 @@ from jaxtyping import Float, Int
 
 from ..film.response import FilmResponse
 from .screen import Paints, amounts_grid, film_readings, sets_of
-
-if TYPE_CHECKING:
-    from .task import IdentificationTask
 
 COMPONENTS = 20
 """Numbers that stand for a film's readings while sets are ranked."""
@@ -134,26 +133,33 @@ def _films(
 
 
 class FilmTables:
-    """Tables of one task, over the grounds that were asked for last; and what it fits with, in single precision."""
+    """Tables over the grounds that were asked for last, and what they are made from.
 
-    def __init__(self) -> None:
+    Args:
+        response, paints: of the instrument and of the catalogue.
+        largest: set that is looked for.
+        spread: standard deviation of the log of a film's total.
+    """
+
+    def __init__(self, response: FilmResponse, paints: Paints, largest: int, spread: float) -> None:
+        self._double = response, paints
+        self._task = largest, spread
         self._kept: list[tuple[np.ndarray, FilmTable]] = []
-        self._single: tuple[FilmResponse, Paints] | None = None
         self._lock = threading.Lock()
 
-    def over(self, task: "IdentificationTask", ground: Float[np.ndarray, "grounds bands"]) -> FilmTable:
-        """Films over a ground, or one that hardly differs."""
+    @cached_property
+    def single(self) -> tuple[FilmResponse, Paints]:
+        """Response and paints in single precision."""
+        return jax.tree.map(lambda a: a.astype(jnp.float32), self._double)
+
+    def over(
+        self, ground: Float[np.ndarray, "grounds bands"], whitening: Callable[[int], Float[np.ndarray, "r r"]]
+    ) -> FilmTable:
+        """Films over a ground, or one that hardly differs; errors common to all by the number of grounds."""
         with self._lock:
             for known, table in self._kept:
                 if known.shape == ground.shape and np.abs(known - ground).max() < ALIKE:
                     return table
-            white = task.common_whitening(len(ground))
-            table = film_table(*self.single(task), task.max_paints, task.prior.spread, ground, white)
+            table = film_table(*self.single, *self._task, ground, whitening(len(ground)))
             self._kept = [(ground, table), *self._kept[: _TABLES - 1]]
             return table
-
-    def single(self, task: "IdentificationTask") -> tuple[FilmResponse, Paints]:
-        """The instrument's response and the paints in single precision."""
-        if self._single is None:
-            self._single = jax.tree.map(lambda a: a.astype(jnp.float32), (task.response, task.paints))
-        return self._single

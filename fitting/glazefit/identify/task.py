@@ -18,7 +18,7 @@ from ..film.optics import Optics
 from ..film.response import FilmResponse
 from .effort import Effort
 from .screen import Paints, sets_of
-from .table import FilmTables
+from .table import FilmTable, FilmTables
 
 _TOO_BRIGHT = 1.5
 """Above this a reflectance is a mistake, such as percent; below, it may be a highlight or a calibration."""
@@ -201,6 +201,10 @@ class IdentificationTask(NamedTuple):
         sd = self.noise.sd(np.full((grounds, self.wavelengths.size), TYPICAL_READING))
         model = model_covariance(self.wavelengths, grounds, self.discrepancy, self.discrepancy.screening)
         return whitening(noise_covariance(sd, self.surface, self.discrepancy) + model)[0]
+
+    def films_over(self, ground: Float[np.ndarray, "grounds bands"]) -> FilmTable:
+        """The table of films over a ground."""
+        return self.tables.over(ground, self.common_whitening)
 
     def log_sets(self, members: Int[np.ndarray, "*n size"]) -> Float[np.ndarray, "*n"]:
         """Log prior probability of sets of paints; a negative number is none."""

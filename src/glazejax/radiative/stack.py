@@ -11,7 +11,7 @@ from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
 from .auxiliary import graded as auxiliary_graded
-from .common.chunks import in_chunks
+from .common.chunks import in_chunks, on_all_cores, on_cpu
 from .common.directions import resolve
 from .common.inputs import (
     INDEX_RANGE,
@@ -35,8 +35,12 @@ Method = Literal["ordinates", "auxiliary", "manyflux"]
 LEAST_SLOPING_INDEX = 1.0 + 1e-4
 """Nearer to one a slope by the index drowns in the quadrature's error; from here on it changes by some 2 %."""
 
-# Bytes of one chunk's matrices: they should stay in a core's second-level cache.
+# Bytes of one chunk's matrices, and of those of the default method: with all that is made of them they should stay in
+# a core's second-level cache. Elsewhere than on a CPU only memory counts.
 _CHUNK_BYTES = 2**20
+_ORDINATES_CHUNK_BYTES, _ELSEWHERE_CHUNK_BYTES = 2**17, 2**28
+# So many known stacks go to all cores at once.
+_MANY = 2**13
 # The auxiliary method's matrices are too large for that: enough for a few stacks.
 _AUXILIARY_CHUNK_BYTES = 2**24
 
@@ -210,7 +214,9 @@ class _Inputs(NamedTuple):
 
 def _evaluate(inputs: _Inputs, tolerance: float, method: str) -> Array:
     stack, settings, batch = _prepare(inputs, tolerance, method)
-    return _run(stack, settings).reshape(batch)
+    # Outside a compiled program the parts of a large batch are programs of their own, one a core.
+    run = _run if stack.ground.shape[0] < _MANY else _reflectance
+    return run(stack, settings).reshape(batch)
 
 
 def _evaluate_split(inputs: _Inputs, tolerance: float, method: str) -> Split:
@@ -272,7 +278,8 @@ def _resolve(
         return mesh, max(1, _AUXILIARY_CHUNK_BYTES // auxiliary_graded.bytes_each(mesh, layers, itemsize))
     resolution = resolve(tolerance, *indices) if fixed is None else resolve_known(tolerance, fixed)
     nodes = resolution.cone + resolution.total
-    return resolution, max(16, _CHUNK_BYTES // ((layers + 3) * nodes**2 * itemsize))
+    room = _ORDINATES_CHUNK_BYTES if on_cpu() else _ELSEWHERE_CHUNK_BYTES
+    return resolution, max(16, room // ((layers + 3) * nodes**2 * itemsize))
 
 
 @functools.partial(jax.jit, static_argnums=1)
@@ -293,8 +300,17 @@ def _run_split(stack: Stack, settings: _ProgramSettings) -> Split:
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(1,))
 def _reflectance(stack: Stack, settings: _ProgramSettings) -> Array:
-    def one(chunk: Stack) -> Array:
-        return _solver(settings.method).reflectance(_with_index(chunk, settings), settings.resolution)
+    return on_all_cores(_some_stacks, stack, settings, None, least=_MANY)
+
+
+def _some_stacks(stack: Stack, settings: _ProgramSettings, wanted: tuple[str, ...] | None) -> Any:
+    """Reflectance of stacks, with its gradient by what is wanted, chunk by chunk."""
+
+    def one(chunk: Stack) -> Any:
+        indexed = _with_index(chunk, settings)
+        if wanted is None:
+            return _solver(settings.method).reflectance(indexed, settings.resolution)
+        return _with_gradient(indexed, settings, wanted)
 
     return in_chunks(one, stack, settings.chunk)
 
@@ -308,11 +324,7 @@ def _reflectance_jvp(settings: _ProgramSettings, primals, tangents):
     changes = {
         name: leaf for name, leaf in d_stack._asdict().items() if not isinstance(leaf, SymbolicZero | type(None))
     }
-
-    def one(chunk: Stack) -> tuple[Array, dict[str, Array]]:
-        return _with_gradient(_with_index(chunk, settings), settings, tuple(changes))
-
-    value, gradient = in_chunks(one, stack, settings.chunk)
+    value, gradient = on_all_cores(_some_stacks, stack, settings, tuple(changes), least=_MANY)
     tangent = jnp.zeros_like(value)
     for name, change in changes.items():
         tangent += jnp.sum((gradient[name] * change).reshape(*value.shape, -1), axis=-1)

@@ -1,11 +1,15 @@
-"""Work on a batch in pieces, so that memory stays bounded whatever its size."""
+"""Work on a batch in pieces, so that memory stays bounded whatever its size and no core waits."""
 
+import functools
 from collections.abc import Callable
 from typing import Any
 
 import jax
 import jax.numpy as jnp
+from jax.core import Tracer
 from jaxtyping import Array
+
+from .threads import cores, in_threads
 
 
 def in_chunks(function: Callable[[Any], Any], batch: Any, chunk: int) -> Any:
@@ -32,3 +36,55 @@ def in_chunks(function: Callable[[Any], Any], batch: Any, chunk: int) -> Any:
 
     out = jax.lax.map(function, jax.tree.map(split, batch))
     return jax.tree.map(lambda leaf: leaf.reshape(pieces * each, *leaf.shape[2:])[:size], out)
+
+
+def on_cpu() -> bool:
+    """Whether programs run on a CPU where nothing else is said: by the default device, if one is set."""
+    device = jax.config.jax_default_device  # pyright: ignore[reportAttributeAccessIssue]
+    return getattr(device, "platform", device or jax.default_backend()) == "cpu"
+
+
+# Programs that have run here, so that they are compiled.
+_compiled: set[Any] = set()
+
+
+def on_all_cores(function: Callable[..., Any], batch: Any, *fixed: Any, least: int) -> Any:
+    """Apply a function to a batch; to one part of it on each core where it is large and its numbers are known.
+
+    On a CPU XLA runs the steps of one program one after the other, divides none as small as a chunk's, and runs the
+    calls of one thread in turn. So the parts are calls of one program, each from a thread of its own. Where JAX traces
+    the batch, as in a program that the user compiles, it stays whole.
+
+    Args:
+        function: maps arrays (entries, ...) to arrays (entries, ...); it is compiled.
+        batch: arrays that share their first axis.
+        fixed: further arguments of the function, fixed when it is compiled.
+        least: fewer entries stay together, and no part has less than half as many.
+    """
+    leaves = jax.tree.leaves(batch)
+    size = leaves[0].shape[0]
+    parts = min(cores(), 2 * size // least)
+    traced = any(isinstance(leaf, Tracer) for leaf in leaves)
+    if traced or size < max(least, parts) or parts < 2 or not on_cpu():
+        return _part(function, size, fixed, batch, 0)
+    each = -(-size // parts)
+
+    def run(start: int) -> Any:
+        return jax.block_until_ready(_part(function, each, fixed, batch, start))
+
+    # The last part begins earlier instead of being shorter: one program for all.
+    starts = [min(k * each, size - each) for k in range(parts)]
+    # Threads would each compile the program that none has yet.
+    key = (function, each, fixed, jax.tree.structure(batch), *((leaf.shape, leaf.dtype) for leaf in leaves))
+    done = [] if key in _compiled else [run(starts[0])]
+    _compiled.add(key)
+    done += in_threads(run, starts[len(done) :])
+    known = each - (parts * each - size)
+    return jax.tree.map(lambda *some: jnp.concatenate([*some[:-1], some[-1][each - known :]]), *done)
+
+
+@functools.partial(jax.jit, static_argnums=(0, 1, 2))
+def _part(function: Callable[..., Any], size: int, fixed: tuple, batch: Any, start: Any) -> Any:
+    if size < jax.tree.leaves(batch)[0].shape[0]:
+        batch = jax.tree.map(lambda leaf: jax.lax.dynamic_slice_in_dim(leaf, start, size), batch)
+    return function(batch, *fixed)

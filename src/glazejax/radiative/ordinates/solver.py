@@ -180,9 +180,7 @@ def _outermost(ends: Ends, layer: _Layer) -> tuple[Array, Array]:
 def _next(half: _Half, layer: _Layer) -> tuple[Array, Array]:
     """Scaled impedance r Y^T Z Y r and source r Y^T s of a half in the modes of its next layer."""
     vectors = layer.vectors * layer.scale[..., None, :]
-    n = vectors.shape[-1]
-    rows = product(jnp.concatenate([half.impedance, half.source], axis=-2), vectors)
-    return product(transposed(vectors), rows[..., :n, :]), rows[..., n:, :]
+    return product(transposed(vectors), product(half.impedance, vectors)), product(half.source, vectors)
 
 
 def _eliminate(impedance: Array, source: Array, layer: _Layer) -> tuple[_Half, Array, _Memory]:
@@ -191,22 +189,20 @@ def _eliminate(impedance: Array, source: Array, layer: _Layer) -> tuple[_Half, A
     Returns:
         The half with the layer in it, what that contributes to R (batch,), and what the way back needs.
     """
-    n = impedance.shape[-1]
-    identity = jnp.eye(n, dtype=impedance.dtype)
+    identity = jnp.eye(impedance.shape[-1], dtype=impedance.dtype)
     # (I + Z T)^-1 in a symmetric scaling: exact for an empty layer, and small where T is large.
     inverse = inverse_positive(identity + layer.thickness[..., None, None] * impedance)
-    # Vectors ride along as further rows of a matrix product: every product costs a dispatch.
-    rows = product(jnp.concatenate([impedance, source], axis=-2), inverse)
-    admittance, passed = rows[..., :n, :], rows[..., n:, :]
+    # Vectors are no further rows of the matrices: joining them costs more than two products more.
+    admittance, passed = product(impedance, inverse), product(source, inverse)
     far = layer.far / layer.scale[..., None, :]
     answer = passed + product(far, admittance)
     gain = layer.thickness[..., None] * source[..., 1, :] * passed[..., 0, :]
     gain -= passed[..., 1, :] * far[..., 0, :] + far[..., 1, :] * answer[..., 0, :]
     through = layer.sech / layer.scale
     outward = through[..., :, None] * admittance * through[..., None, :] + _diagonal(layer.restoring)
-    rows = jnp.concatenate([outward, layer.near + through[..., None, :] * answer], axis=-2)
-    rows = product(rows, transposed(layer.vectors))
-    half = _Half(product(layer.vectors, rows[..., :n, :]), rows[..., n:, :])
+    back = transposed(layer.vectors)
+    loads = product(layer.near + through[..., None, :] * answer, back)
+    half = _Half(product(layer.vectors, product(outward, back)), loads)
     return half, jnp.sum(gain, axis=(0, -1)), _Memory(inverse, admittance, source, passed)
 
 

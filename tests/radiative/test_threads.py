@@ -7,8 +7,8 @@ import jax
 import jax.numpy as jnp
 import pytest
 
-from glazefit.film import threads
-from glazefit.film.threads import in_threads
+from glazejax.radiative.common import threads
+from glazejax.radiative.common.threads import in_threads
 
 
 @pytest.fixture(autouse=True)

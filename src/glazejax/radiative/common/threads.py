@@ -10,17 +10,14 @@ import jax
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
 
-_MOST = 8
-
 
 def cores() -> int:
-    """Processors that this process may use, 8 at most."""
-    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    return min(usable or 1, _MOST)
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def in_threads(work: Callable[[Item], Answer], items: Sequence[Item]) -> list[Answer]:
-    """Answers in order, worked out side by side, in the precision of the caller.
+    """Answers in order, worked out side by side, in the precision and on the device of the caller.
 
     An exception ends what has not begun, and is raised here.
     """
@@ -28,10 +25,11 @@ def in_threads(work: Callable[[Item], Answer], items: Sequence[Item]) -> list[An
     if count < 2:
         return [work(item) for item in items]
     double = bool(jax.config.jax_enable_x64)  # pyright: ignore[reportAttributeAccessIssue]
+    device = jax.config.jax_default_device  # pyright: ignore[reportAttributeAccessIssue]
 
     def there(item: Item) -> Answer:
         # The caller's may be set for its thread alone.
-        with jax.enable_x64(double):
+        with jax.enable_x64(double), jax.default_device(device):
             return work(item)
 
     threads = ThreadPoolExecutor(count)

@@ -1,0 +1,98 @@
+"""Large batches that are known go to all cores: the same numbers, slopes and precision as in one program."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import glazejax as gj
+from glazejax.radiative.common import chunks
+from glazejax.radiative.common.chunks import on_all_cores
+
+COUNT = 2**14 + 7
+
+
+@pytest.fixture(autouse=True)
+def three_cores(monkeypatch):
+    monkeypatch.setattr(chunks, "cores", lambda: 3)
+
+
+@pytest.fixture
+def stacks():
+    rng = np.random.default_rng(0)
+    return rng.uniform(0, 1, (COUNT, 1)), rng.uniform(0, 3, (COUNT, 1)), rng.uniform(0, 1, COUNT)
+
+
+def factor(albedo, thickness, ground):
+    return gj.stack_reflectance_factor(albedo, thickness, ground, cos_viewing=0.7, tolerance=1e-2)
+
+
+def hemispherical(albedo, thickness, ground):
+    return gj.stack_hemispherical_reflectance(albedo, thickness, ground, tolerance=1e-2)
+
+
+@pytest.fixture
+def parts(monkeypatch) -> list[int]:
+    """Where the parts of a batch begin, as they are computed."""
+    begun, part = [], chunks._part
+    monkeypatch.setattr(chunks, "_part", lambda *given: begun.append(given[-1]) or part(*given))
+    return begun
+
+
+@pytest.mark.parametrize("reflectance", [factor, hemispherical])
+def test_value_is_that_of_one_program(stacks, parts, reflectance):
+    together = reflectance(*stacks)
+    assert len(parts) == 3
+    assert together.shape == (COUNT,)
+    # Sums in chunks of another size round otherwise.
+    np.testing.assert_allclose(together, jax.jit(reflectance)(*stacks), rtol=0, atol=1e-14)
+
+
+def test_slopes_are_those_of_one_program(stacks, parts):
+    """By jvp and by reverse, through parts that know their numbers while the slopes are traced."""
+    stacks = tuple(map(jnp.asarray, stacks))
+    weights = jnp.linspace(0.5, 1.5, COUNT)
+    slopes = jax.value_and_grad(lambda *given: jnp.sum(weights * factor(*given)), (0, 1, 2))
+    value, found = slopes(*stacks)
+    assert len(parts) == 3
+    exact_value, exact = jax.jit(slopes)(*stacks)
+    np.testing.assert_allclose(value, exact_value, rtol=1e-13)
+    for one, other in zip(found, exact, strict=True):
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-12)
+    along = jax.jvp(factor, stacks, stacks)[1]
+    total = sum(jnp.sum((a * b).reshape(COUNT, -1), axis=1) for a, b in zip(found, stacks, strict=True)) / weights
+    np.testing.assert_allclose(along, total, rtol=0, atol=1e-12)
+
+
+def test_precision_is_the_callers(stacks):
+    with jax.enable_x64(False):
+        single = factor(*stacks)
+    assert single.dtype == jnp.float32
+    np.testing.assert_allclose(single, factor(*stacks), rtol=0, atol=1e-5)
+
+
+def test_small_or_traced_batches_stay_whole(stacks, parts):
+    jax.vmap(factor)(*(a[:, None] for a in stacks))
+    factor(*(a[:64] for a in stacks))
+    assert 1 not in np.diff(parts)
+    assert set(parts) <= {0}
+
+
+@pytest.mark.parametrize("size", [3, 4, 5, 7, 8, 100])
+def test_every_entry_comes_once_whatever_the_size(size):
+    batch = {"x": jnp.arange(float(size)), "y": jnp.arange(2.0 * size).reshape(size, 2)}
+    found = on_all_cores(_twice, batch, 2.0, least=1)
+    np.testing.assert_array_equal(found["x"], 2 * batch["x"])
+    np.testing.assert_array_equal(found["y"], 2 * batch["y"])
+
+
+def _twice(batch, factor):
+    return jax.tree.map(lambda x: factor * x, batch)
+
+
+def test_an_error_in_a_part_is_raised():
+    def broken(batch):
+        raise RuntimeError("no part of this")
+
+    with pytest.raises(RuntimeError, match="no part of this"):
+        on_all_cores(broken, jnp.zeros(9), least=1)
