@@ -24,7 +24,7 @@ from glazefit.film.least_squares import inverse_small
 from glazefit.film.response import film_response
 from glazefit.identify.fit import Weights, fit_sets, log_prior
 from glazefit.identify.screen import Paints, amounts_grid, grow, score, sets_of, unique_best
-from glazefit.identify.table import film_table
+from glazefit.identify.table import FilmTables, film_table
 from glazefit.identify.two_coats import orders
 from glazejax import Hemispherical, Pigment
 from glazejax.io import read_spectra
@@ -213,6 +213,19 @@ def _misfits(problem, white, spectra, members, amounts):
     k, s = (amounts @ np.asarray(a)[members] for a in paints)
     film = np.asarray(response.body(k, s, np.asarray(ground[0]))).ravel()
     return np.sum(((spectra - film) @ white.T) ** 2, axis=-1)
+
+
+def test_a_table_serves_grounds_that_hardly_differ(problem):
+    response, paints, ground, _ = problem
+    ground = np.asarray(ground[0])
+    tables = FilmTables(response, paints, 1, 0.7)
+    first = tables.over(ground, lambda grounds: np.eye(grounds * GRID.size))
+    assert tables.over(0.99 * ground, lambda grounds: pytest.fail("made again")) is first
+    other = tables.over(0.5 * ground, lambda grounds: np.eye(grounds * GRID.size))
+    assert np.abs(other.sizes[0].films - first.sizes[0].films).max() > 0.1
+    alone = tables.over(ground[:1], lambda grounds: np.eye(grounds * GRID.size))
+    assert alone.project.shape == (GRID.size, GRID.size)
+    assert tables.over(ground, lambda grounds: pytest.fail("forgotten")) is first
 
 
 def test_few_components_lose_only_what_films_have_in_common():

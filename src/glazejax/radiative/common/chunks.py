@@ -11,6 +11,36 @@ from jaxtyping import Array
 
 from .threads import cores, in_threads
 
+# A processor's chunk stays in its cache. A GPU has none to speak of, and each kernel must fill it.
+_LARGER_ON_ACCELERATOR, _LEAST_ON_ACCELERATOR = 256, 2**28
+
+
+def on_cpu(*inputs: Any) -> bool:
+    """Whether a program of these inputs runs on a CPU: that is where they are, or else JAX's default device.
+
+    Args:
+        inputs: of the program, traced or not, JAX's or not.
+    """
+    for array in inputs:
+        if isinstance(array, jax.Array) and not isinstance(array, Tracer):
+            return next(iter(array.devices())).platform == "cpu"
+    default = jax.config.jax_default_device  # pyright: ignore[reportAttributeAccessIssue]
+    return (jax.default_backend() if default is None else getattr(default, "platform", default)) == "cpu"
+
+
+def chunk_bytes(on_processor: int, *inputs: Any) -> int:
+    """Memory that a chunk may take where a program of these inputs is going to run.
+
+    A program that is moved to another kind of device afterwards is right there too, only slower.
+
+    Args:
+        on_processor: bytes that suit a processor's cache.
+        inputs: as of `on_cpu`.
+    """
+    if on_cpu(*inputs):
+        return on_processor
+    return max(_LARGER_ON_ACCELERATOR * on_processor, _LEAST_ON_ACCELERATOR)
+
 
 def in_chunks(function: Callable[[Any], Any], batch: Any, chunk: int) -> Any:
     """Apply a function of a batch to at most ``chunk`` entries at a time.
@@ -38,12 +68,6 @@ def in_chunks(function: Callable[[Any], Any], batch: Any, chunk: int) -> Any:
     return jax.tree.map(lambda leaf: leaf.reshape(pieces * each, *leaf.shape[2:])[:size], out)
 
 
-def on_cpu() -> bool:
-    """Whether programs run on a CPU where nothing else is said: by the default device, if one is set."""
-    device = jax.config.jax_default_device  # pyright: ignore[reportAttributeAccessIssue]
-    return getattr(device, "platform", device or jax.default_backend()) == "cpu"
-
-
 # Programs that have run here, so that they are compiled.
 _compiled: set[Any] = set()
 
@@ -65,7 +89,7 @@ def on_all_cores(function: Callable[..., Any], batch: Any, *fixed: Any, least: i
     size = leaves[0].shape[0]
     parts = min(cores(), 2 * size // least)
     traced = any(isinstance(leaf, Tracer) for leaf in leaves)
-    if traced or size < max(least, parts) or parts < 2 or not on_cpu():
+    if traced or size < max(least, parts) or parts < 2 or not on_cpu(*leaves):
         return _part(function, size, fixed, batch, 0)
     each = -(-size // parts)
 
