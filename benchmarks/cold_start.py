@@ -147,6 +147,12 @@ def row(name: str, first: Timing, again: list[Timing]) -> str:
     return shown + f"{middle('trace'):>14.1f}{middle('lower'):>8.1f}{middle('compile'):>8.1f}"
 
 
+def commit(checkout: Path) -> str:
+    """Short name of the commit that a checkout is at."""
+    line = ["git", "-C", str(checkout), "rev-parse", "--short", "HEAD"]
+    return subprocess.run(line, capture_output=True, text=True, check=True).stdout.strip()
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add_option(parser)
@@ -159,6 +165,8 @@ def main() -> None:
     say(environment())
     say("Seconds from the start of the process to its end, and seconds of the processor (cpu), with an empty cache and")
     say("warm; of the warm runs the medians.")
+    if options.before is not None:
+        say(f"Before: commit {commit(options.before)}. Each command of both in turn.")
     say()
     say(
         f"{'':<32}{'empty':>8}{'warm':>8}{'cpu':>9}{'cpu':>8}{'programs':>10}"
@@ -183,6 +191,8 @@ def main() -> None:
                 say(row(name + which, first[which], again[which]))
     say()
     say("Trace, lower, compile: sums over all programs; programs compiled side by side count each.")
+    busy = ", ".join(f"{load:.1f}" for load in os.getloadavg())
+    say(f"Processes that wanted the processor at the end, mean of the last 1, 5 and 15 minutes: {busy}.")
     if options.save or not options.only:
         say.save()
 

@@ -101,13 +101,14 @@ def recover_jointly(
     problem = pose(films, shares, law, instrument, noise, expected, told, measured_gloss)
     deviation = np.moveaxis(1.0 / np.asarray(problem.weight), 0, -1)
     kept = films.seen if use is None else films.seen * use[:, None]
-    problem = problem._replace(weight=problem.weight * jnp.asarray(kept, dtype=problem.weight.dtype))
+    problem = problem._replace(weight=jnp.asarray(np.asarray(problem.weight) * kept))
     response = response or film_response(instrument.geometry, instrument.refractive_index)
     if start is None:
         # Weights and gloss as stated first: set free at once, they explain what thicknesses and spectra should.
+        stiff_films = np.asarray(problem.film_scale) * np.where(np.arange(problem.film_scale.shape[1]) > 0, 0.03, 1.0)
         stiff = problem._replace(
-            film_scale=problem.film_scale.at[:, 1:].multiply(0.03),
-            paint_scale=0.03 * problem.paint_scale,
+            film_scale=jnp.asarray(stiff_films),
+            paint_scale=jnp.asarray(0.03 * np.asarray(problem.paint_scale)),
             tail=jnp.asarray(1e6),
         )
         first = least_squares(stiff, response, first_guess(problem), _FIRST_STEP, max_steps).point
@@ -219,11 +220,14 @@ def paint_gloss(
 def first_guess(problem: JointProblem) -> Unknowns:
     """Grey paints, all alike, and films as expected."""
     bands = problem.reading.shape[0]
+    # By NumPy: each of these would be a program of its own.
     return Unknowns(
-        jnp.broadcast_to(problem.pull[:, 0], (bands, problem.pull.shape[0])) + problem.known,
-        jnp.zeros(problem.film_scale.shape),
+        jnp.asarray(
+            np.broadcast_to(np.asarray(problem.pull)[:, 0], (bands, len(problem.pull))) + np.asarray(problem.known)
+        ),
+        jnp.asarray(np.zeros(problem.film_scale.shape)),
         problem.paint_mean,
-        jnp.zeros(len(problem.thickness_modes)),
+        jnp.asarray(np.zeros(len(problem.thickness_modes))),
     )
 
 

@@ -178,7 +178,7 @@ def _pose(
     problem = pose(replace(films, **arrays), *settings)
     # The fewer bands stand for all.
     share = np.sqrt(max(old.wavelengths.size / bands.size, 1.0)) * films.seen
-    return problem._replace(weight=problem.weight * jnp.asarray(share)), solution
+    return problem._replace(weight=jnp.asarray(np.asarray(problem.weight) * share)), solution
 
 
 def _solution(
@@ -234,9 +234,10 @@ class _Judge:
         problem: JointProblem,
         response: Response,
     ):
-        flat, self._unravel = ravel_pytree(solution)
-        self._centre, self._grid = np.asarray(flat), grid
-        self._normal = np.random.default_rng(0).standard_normal((_DRAWS, flat.size))
+        self._like, self._grid = solution, grid
+        # As `ravel_pytree` lays them, without its programs.
+        self._centre = np.concatenate([np.asarray(part).ravel() for part in solution])
+        self._normal = np.random.default_rng(0).standard_normal((_DRAWS, self._centre.size))
         paints = problem.shares.shape[1]
         pure = np.eye(paints)[row]
         mixed = [pure] if pale is None else [pure, *((pure + p * np.eye(paints)[pale]) / (1 + p) for p in _JUDGED)]
@@ -247,8 +248,7 @@ class _Judge:
         """Mean CIEDE2000 (D65, 10 degrees) between draws and the solution."""
         factor = np.linalg.cholesky(information)
         draws = self._centre + np.linalg.solve(factor.T, self._normal.T).T
-        solution = self._unravel(jnp.asarray(self._centre))
-        spectra = np.asarray(_looks(jnp.asarray(draws), solution, *self._args))
+        spectra = np.asarray(_looks(jnp.asarray(draws), self._like, *self._args))
         return float(np.mean(delta_e_of_spectra(self._grid, spectra, self._mean, observer=10)))
 
 
