@@ -91,8 +91,10 @@ def main() -> None:
     direct = jax.jit(lambda **given: xyz(**given))
     rng = np.random.default_rng(1)
 
-    def to_srgb(table, points):
-        return colour.xyz_to_srgb(table(**points), WHITE)
+    encode = jax.jit(lambda values: colour.xyz_to_srgb(values, WHITE))
+
+    def run(table, points):
+        return encode(table(**points))
 
     def slopes(table, points):
         return jax.grad(lambda moved: jnp.sum(colour.xyz_to_srgb(table(**moved), WHITE)))(points)
@@ -110,7 +112,7 @@ def main() -> None:
             table = gj.interpolated(lambda **given: direct(**given), {n: RANGES[n] for n in names}, tolerance=tolerance)
             found, difference, slope = errors(table, names, direct)
             terms = " x ".join(map(str, table.coefficients.shape[:-1]))
-            run, run_slopes = jax.jit(to_srgb), jax.jit(slopes)
+            run_slopes = jax.jit(slopes)
             for dtype in (jnp.float64, jnp.float32):
                 here, typed = table.astype(dtype), {n: v.astype(dtype) for n, v in pixels.items()}
                 measured = best(

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 import glazejax as gj
 from glazejax.chebyshev_table import Axis, Mirrored
+from glazejax.radiative.common import chunks
 
 GRID = np.arange(400.0, 701.0, 60.0)
 TOLERANCE = 1e-4
@@ -100,6 +101,13 @@ def test_jit_vmap_pieces_and_names_are_the_same(table):
     slopes = jax.grad(lambda x: jnp.sum(table(x, share)))(thickness)
     few = jax.grad(lambda x: jnp.sum(table(x, share[:5])))(thickness[:, :5])
     np.testing.assert_allclose(slopes[:, :5], few, rtol=1e-9)
+
+
+def test_many_points_go_to_all_cores(table, monkeypatch):
+    rng = np.random.default_rng(1)
+    at = rng.uniform(0, 40e-6, 2**16 + 3), rng.uniform(0, 1, 2**16 + 3)
+    monkeypatch.setattr(chunks, "cores", lambda: 2)
+    np.testing.assert_allclose(table(*at), jax.jit(table)(*at), rtol=0, atol=1e-13)
 
 
 def test_float32_is_the_same_to_rounding(table):

@@ -34,7 +34,7 @@ from .chebyshev_table import (
     product,
     trial_line,
 )
-from .radiative.common.chunks import on_cpu
+from .radiative.common.chunks import on_all_cores, on_cpu
 from .spectra import Numbers, as_float_array, concrete
 
 Distance = Callable[[np.ndarray, np.ndarray], np.ndarray]
@@ -52,6 +52,8 @@ _SCAN_DEGREE = 8
 # Numbers of one piece of points in the table's evaluation: what a core's second-level cache holds; on other devices
 # only the memory counts.
 _PIECE_NUMBERS, _PIECE_ELSEWHERE = 2**17, 2**26
+# So many known points go to all cores at once.
+_MANY = 2**16
 # Up to so many channels the axes are summed one after the other; with more the products of all polynomials are fewer.
 _FEW_CHANNELS = 8
 
@@ -113,7 +115,8 @@ class Interpolated(eqx.Module):
         columns = [as_float_array(given[name]).astype(self.coefficients.dtype) for name in self.names]
         batch = jnp.broadcast_shapes(*(column.shape for column in columns))
         flat = tuple(jnp.broadcast_to(column, batch).reshape(-1) for column in columns)
-        return _evaluate(self.axes, self.coefficients, flat).reshape(*batch, *self.shape)
+        found = on_all_cores(_of_columns, flat, self.axes, least=_MANY, shared=self.coefficients)
+        return found.reshape(*batch, *self.shape)
 
     def astype(self, dtype: DTypeLike) -> "Interpolated":
         """The same table in another type, such as float32; rounding of some 1e-6 of a value comes on top of `error`."""
@@ -254,14 +257,17 @@ def _interpolate_jvp(axes: tuple, primals, tangents):
 
 
 _interpolate.defjvp(_interpolate_jvp, symbolic_zeros=True)
-_evaluate = jax.jit(_interpolate, static_argnums=0)
+
+
+def _of_columns(columns: tuple[Array, ...], coefficients: Array, axes: tuple) -> Array:
+    return _interpolate(axes, coefficients, columns)
 
 
 def _in_pieces(function: Callable, coefficients: Array, columns: tuple[Array, ...]) -> list[Array]:
     """Results (points, channels) of a function from pieces of the columns to (channels, points)."""
     count = columns[0].shape[0]
     each = math.prod(coefficients.shape[1:]) + sum(coefficients.shape)
-    size = max(64, (_PIECE_NUMBERS if on_cpu() else _PIECE_ELSEWHERE) // each)
+    size = max(64, (_PIECE_NUMBERS if on_cpu(*columns) else _PIECE_ELSEWHERE) // each)
     if count <= size:
         return [values.T for values in function(*columns)]
     pieces = -(-count // size)

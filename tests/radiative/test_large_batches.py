@@ -33,9 +33,9 @@ def hemispherical(albedo, thickness, ground):
 
 @pytest.fixture
 def parts(monkeypatch) -> list[int]:
-    """Where the parts of a batch begin, as they are computed."""
-    begun, part = [], chunks._part
-    monkeypatch.setattr(chunks, "_part", lambda *given: begun.append(given[-1]) or part(*given))
+    """Where the parts of batches begin that go to threads."""
+    begun, in_threads = [], chunks.in_threads
+    monkeypatch.setattr(chunks, "in_threads", lambda work, starts: begun.extend(starts) or in_threads(work, starts))
     return begun
 
 
@@ -71,11 +71,25 @@ def test_precision_is_the_callers(stacks):
     np.testing.assert_allclose(single, factor(*stacks), rtol=0, atol=1e-5)
 
 
+@pytest.mark.parametrize("double", [True, False])
+def test_threads_share_one_program(double):
+    """In the precision of another thread it would be one program more."""
+    traced = []
+
+    def counted(batch):
+        traced.append(batch.dtype)
+        return 2 * batch
+
+    with jax.enable_x64(double):
+        found = on_all_cores(counted, jnp.ones(10), least=1)
+        np.testing.assert_array_equal(found, 2)
+        assert traced == [jnp.result_type(float)]
+
+
 def test_small_or_traced_batches_stay_whole(stacks, parts):
     jax.vmap(factor)(*(a[:, None] for a in stacks))
     factor(*(a[:64] for a in stacks))
-    assert 1 not in np.diff(parts)
-    assert set(parts) <= {0}
+    assert not parts
 
 
 @pytest.mark.parametrize("size", [3, 4, 5, 7, 8, 100])

@@ -6,6 +6,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array
 
@@ -68,11 +69,12 @@ def in_chunks(function: Callable[[Any], Any], batch: Any, chunk: int) -> Any:
     return jax.tree.map(lambda leaf: leaf.reshape(pieces * each, *leaf.shape[2:])[:size], out)
 
 
-# Programs that have run here, so that they are compiled.
-_compiled: set[Any] = set()
+# Programs of parts, and how many are kept.
+_programs: dict[Any, Any] = {}
+_MOST_PROGRAMS = 64
 
 
-def on_all_cores(function: Callable[..., Any], batch: Any, *fixed: Any, least: int) -> Any:
+def on_all_cores(function: Callable[..., Any], batch: Any, *fixed: Any, least: int, shared: Any = None) -> Any:
     """Apply a function to a batch; to one part of it on each core where it is large and its numbers are known.
 
     On a CPU XLA runs the steps of one program one after the other, divides none as small as a chunk's, and runs the
@@ -80,35 +82,38 @@ def on_all_cores(function: Callable[..., Any], batch: Any, *fixed: Any, least: i
     the batch, as in a program that the user compiles, it stays whole.
 
     Args:
-        function: maps arrays (entries, ...) to arrays (entries, ...); it is compiled.
+        function: maps arrays (entries, ...), and what all parts share, to arrays (entries, ...); it is compiled.
         batch: arrays that share their first axis.
         fixed: further arguments of the function, fixed when it is compiled.
         least: fewer entries stay together, and no part has less than half as many.
+        shared: arrays handed to the function whole, after the batch; None is handed to none.
     """
     leaves = jax.tree.leaves(batch)
     size = leaves[0].shape[0]
     parts = min(cores(), 2 * size // least)
-    traced = any(isinstance(leaf, Tracer) for leaf in leaves)
+    traced = any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves((batch, shared)))
     if traced or size < max(least, parts) or parts < 2 or not on_cpu(*leaves):
-        return _part(function, size, fixed, batch, 0)
+        return _part(function, size, fixed, batch, shared, 0)
     each = -(-size // parts)
-
-    def run(start: int) -> Any:
-        return jax.block_until_ready(_part(function, each, fixed, batch, start))
-
+    # Compiled here: threads have settings of their own, and would each compile what none has yet.
+    config: Any = jax.config
+    arrays, structure = jax.tree.flatten((batch, shared))
+    setting = config.jax_enable_x64, config.jax_default_device
+    key = (function, each, fixed, structure, setting, *map(jax.typeof, arrays))
+    if key not in _programs:
+        if len(_programs) >= _MOST_PROGRAMS:
+            _programs.clear()
+        _programs[key] = _part.lower(function, each, fixed, batch, shared, np.int32(0)).compile()
+    program = _programs[key]
     # The last part begins earlier instead of being shorter: one program for all.
-    starts = [min(k * each, size - each) for k in range(parts)]
-    # Threads would each compile the program that none has yet.
-    key = (function, each, fixed, jax.tree.structure(batch), *((leaf.shape, leaf.dtype) for leaf in leaves))
-    done = [] if key in _compiled else [run(starts[0])]
-    _compiled.add(key)
-    done += in_threads(run, starts[len(done) :])
+    starts = [np.int32(min(k * each, size - each)) for k in range(parts)]
+    done = in_threads(lambda start: jax.block_until_ready(program(batch, shared, start)), starts)
     known = each - (parts * each - size)
     return jax.tree.map(lambda *some: jnp.concatenate([*some[:-1], some[-1][each - known :]]), *done)
 
 
 @functools.partial(jax.jit, static_argnums=(0, 1, 2))
-def _part(function: Callable[..., Any], size: int, fixed: tuple, batch: Any, start: Any) -> Any:
+def _part(function: Callable[..., Any], size: int, fixed: tuple, batch: Any, shared: Any, start: Any) -> Any:
     if size < jax.tree.leaves(batch)[0].shape[0]:
         batch = jax.tree.map(lambda leaf: jax.lax.dynamic_slice_in_dim(leaf, start, size), batch)
-    return function(batch, *fixed)
+    return function(batch, *fixed) if shared is None else function(batch, shared, *fixed)
