@@ -1,6 +1,7 @@
 """The two reflectances of a stack of layers and their split: validation, batching, derivatives, choice of method."""
 
 import functools
+import warnings
 from collections.abc import Callable
 from typing import Any, Literal, NamedTuple
 
@@ -22,6 +23,7 @@ from .common.inputs import (
     check_values,
     concrete,
     plain_number,
+    smallest_cosine,
 )
 from .common.split import Split
 from .common.stack_arrays import Stack
@@ -33,7 +35,13 @@ Method = Literal["ordinates", "auxiliary", "manyflux"]
 """Ways to compute the same quantity."""
 
 LEAST_SLOPING_INDEX = 1.0 + 1e-4
-"""Nearer to one a slope by the index drowns in the quadrature's error; from here on it changes by some 2 %."""
+"""Nearer to one a slope by the index drowns in the quadrature's error, but for the default method."""
+FINEST = {"ordinates": 1e-10, "auxiliary": 1e-8, "manyflux": 1e-10}
+"""Smallest tolerance that each method meets in double precision."""
+FINEST_SINGLE = 1e-5
+"""The same for all of them in single precision."""
+
+_DEFAULT_TOLERANCE = 1e-6
 
 # Bytes of one chunk's matrices, and of those of the default method: with all that is made of them they should stay in
 # a core's second-level cache. Elsewhere than on a CPU only memory counts.
@@ -117,9 +125,16 @@ def stack_reflectance_factor(
         to make (`ordinates.resolution`), for an array of indices from a table. Both were calibrated on
         random stacks of 1 to 5 layers with optical thickness 0.003 to 30, albedo up to 1 - 1e-6, grounds 0 to 1 and
         cosines 0.05 to 1 at indices from 1 to 2.5 against a run with more than twice the directions, so that the
-        worst of them stays below the tolerance (`python -m benchmarks.calibrate_directions` repeats it). Only a traced
-        index between 1 and 1.0001, where the surface all but vanishes, was worse: up to ten times the tolerance. In
-        float32, rounding leaves about 1e-5 and a smaller tolerance buys nothing.
+        worst of them stays below the tolerance (`python -m benchmarks.calibrate_directions` repeats it). Where light
+        and view both graze a medium of an index near one, inside too, there are more directions, for cosines down to
+        1e-4; a cosine that is traced counts as that. A tolerance below 1e-10 (1e-8 by "auxiliary") is met as that, and
+        a warning says so. In float32, rounding leaves about 1e-5: the default is met as that, and anything below it
+        with a warning.
+
+        The derivative by an index of exactly one is the one from above, for there is none below. It is the limit in
+        closed form (method "ordinates"). Just above one, it holds to some hundredths where directions do not follow the
+        surface's rise: up to 1 + 1e-6 at a tolerance of 1e-6, 1 + 1e-8 at 1e-8. The other methods give the derivative
+        at 1.0001 from one up to there.
 
     Source: paper A (Shinozawa et al. 2013), eqs (4)-(22), solved as described in `glazejax.radiative.ordinates.solver`.
     """
@@ -242,7 +257,7 @@ def _prepare(inputs: _Inputs, tolerance: float, method: str) -> tuple[Stack, _Pr
         low, high = float(index.min()), float(index.max())
     if fixed is None and high == 1.0:
         high = 1.001  # an array may be differentiated by, and slopes at one are those just above it
-    tolerance = max(tolerance, 1e-5 if dtype == jnp.float32 else 0.0)
+    tolerance = _within_reach(tolerance, method, single=dtype == jnp.float32)
     resolution, chunk = _resolve(inputs, method, tolerance, (low, high), fixed, given.layers, dtype.itemsize)
     stack = Stack(
         flat["albedo"],
@@ -253,6 +268,18 @@ def _prepare(inputs: _Inputs, tolerance: float, method: str) -> tuple[Stack, _Pr
         flat.get("cos_viewing"),
     )
     return stack, _ProgramSettings(method, resolution, fixed, chunk, low < LEAST_SLOPING_INDEX), given.batch
+
+
+def _within_reach(tolerance: float, method: str, *, single: bool) -> float:
+    """The tolerance that is met; a warning where a finer one is asked for.
+
+    In single precision the default tolerance counts as not asked for.
+    """
+    finest = FINEST_SINGLE if single else FINEST[method]
+    if tolerance < min(finest, _DEFAULT_TOLERANCE) * (1 - 1e-9):
+        words = "in single precision; enable x64 in JAX for less" if single else f"with method {method!r}"
+        warnings.warn(f"tolerance is {tolerance:g}, but {finest:g} is the least there is {words}", stacklevel=5)
+    return max(tolerance, finest)
 
 
 def _resolve(
@@ -270,13 +297,18 @@ def _resolve(
 
         cosines = inputs.cos_incidence, inputs.cos_viewing
         effort = manyflux_method.resolve_effort(tolerance, indices, fixed, inputs.optical_thickness, *cosines)
-        return effort, max(1, _CHUNK_BYTES // manyflux_method.bytes_each(effort, layers, itemsize))
+        each = manyflux_method.bytes_each(effort, layers, itemsize)
+        return effort, max(1, _CHUNK_BYTES // each)
     if method == "auxiliary":
         known = concrete(inputs.optical_thickness)
         thickest = np.inf if known is None else float(known.max(initial=0.0))
         mesh = auxiliary_graded.resolve(tolerance, thickest, indices[0])
-        return mesh, max(1, _AUXILIARY_CHUNK_BYTES // auxiliary_graded.bytes_each(mesh, layers, itemsize))
-    resolution = resolve(tolerance, *indices) if fixed is None else resolve_known(tolerance, fixed)
+        each = auxiliary_graded.bytes_each(mesh, layers, itemsize)
+        return mesh, max(1, _AUXILIARY_CHUNK_BYTES // each)
+    least = 1.0
+    if inputs.cos_viewing is not None:  # Of all that leaves, little grazes; light alone may.
+        least = max(smallest_cosine(inputs.cos_incidence), smallest_cosine(inputs.cos_viewing))
+    resolution = resolve(tolerance, *indices, least) if fixed is None else resolve_known(tolerance, fixed, least)
     nodes = resolution.cone + resolution.total
     room = _ORDINATES_CHUNK_BYTES if on_cpu() else _ELSEWHERE_CHUNK_BYTES
     return resolution, max(16, room // ((layers + 3) * nodes**2 * itemsize))
@@ -335,9 +367,9 @@ _reflectance.defjvp(_reflectance_jvp, symbolic_zeros=True)
 
 
 def _with_gradient(stack: Stack, settings: _ProgramSettings, wanted: tuple[str, ...]) -> tuple[Array, dict[str, Array]]:
-    """Reflectance and gradient; slopes by an index of (almost) one are those a little above it."""
+    """Reflectance and gradient; but for the default method, slopes by an index of (almost) one are those above it."""
     solve = functools.partial(_solver(settings.method).reflectance_and_gradient, wanted=wanted)
-    if "refractive_index" not in wanted or not settings.near_one:
+    if "refractive_index" not in wanted or not settings.near_one or settings.method == "ordinates":
         return solve(stack, settings.resolution)
     near = stack.refractive_index < LEAST_SLOPING_INDEX
     nothing = (jnp.zeros_like(stack.ground), {name: jnp.zeros_like(getattr(stack, name)) for name in wanted})

@@ -8,11 +8,13 @@ there the field varies as exp(-depth/mu), so their nodes crowd towards grazing d
 """
 
 import functools
+import math
 from typing import NamedTuple
 
 import jax
 from jaxtyping import Array, Float
 
+from .fresnel import cos_refracted
 from .quadrature import Directions, conserve, gauss, graded_gauss, split_range
 from .simultaneous import simultaneous_rule
 
@@ -20,6 +22,8 @@ from .simultaneous import simultaneous_rule
 NEAR_ONE = 1.07
 # No real medium; but asked for, it gets the directions that its almost singular interface needs.
 _SLIVER = 1.0001
+# Where light and view are both below this cosine inside, they need more directions at grazing angles.
+_GRAZING = 0.05
 # Above this index the cone is narrow and what it lets out is bright.
 HIGH = 1.85
 
@@ -35,6 +39,12 @@ class Resolution(NamedTuple):
     """Whether the cone's nodes crowd towards grazing too: needed as the index nears one."""
     crowding: float | None = None
     """If given: one rule for the whole half range with this crowding, whose conditions `cone` and `total` count."""
+    reach: float | None = None
+    """If given: the cone's nodes follow the rise of the internal reflectance, down to grazing of about e^-reach."""
+
+    def resolves(self) -> float:
+        """Smallest n^2 - 1 at which the nodes follow the rise of the internal reflectance in slope, too."""
+        return 0.0 if self.reach is None else 9.0 * math.exp(-2.0 * self.reach)
 
 
 def half_range(refractive_index: float | Float[Array, "*batch"], resolution: Resolution) -> Directions:
@@ -52,8 +62,10 @@ def half_range(refractive_index: float | Float[Array, "*batch"], resolution: Res
         ValueError: a rule for the whole half range where the index is an array, or where there is no such rule.
     """
     if resolution.crowding is None:
-        outside = graded_gauss(resolution.cone) if resolution.crowded else gauss(resolution.cone)
-        return split_range(refractive_index, outside, graded_gauss(resolution.total) if resolution.total else None)
+        crowded = resolution.crowded and resolution.reach is None
+        outside = graded_gauss(resolution.cone) if crowded else gauss(resolution.cone)
+        below = graded_gauss(resolution.total) if resolution.total else None
+        return split_range(refractive_index, outside, below, resolution.reach)
     if isinstance(refractive_index, jax.Array):
         raise ValueError("directions for the whole half range need an index that is a number; it is an array here")
     found = whole_range(float(refractive_index), resolution)
@@ -76,24 +88,26 @@ class _ResolutionRow(NamedTuple):
     tolerance: float
     cone: int
     total: int
-    near_cone: int  # for indices between 1 and 1.07, and where the index is not known
+    near_cone: int  # for indices between 1.0001 and 1.07
+    sliver: tuple[int, float]  # nodes in the cone and their reach, for an index down to one
+    grazing: tuple[int, float]  # the same where light and view both graze, too
 
 
 # Worst errors of each row: `python -m benchmarks.calibrate_directions`.
 _ROWS = (
-    _ResolutionRow(1e-2, 3, 3, 4),
-    _ResolutionRow(1e-3, 4, 5, 6),
-    _ResolutionRow(1e-4, 5, 6, 8),
-    _ResolutionRow(1e-5, 6, 8, 11),
-    _ResolutionRow(1e-6, 7, 10, 12),
-    _ResolutionRow(1e-7, 8, 13, 14),
-    _ResolutionRow(1e-8, 9, 15, 17),
-    _ResolutionRow(1e-9, 11, 19, 20),
-    _ResolutionRow(1e-10, 12, 22, 23),
+    _ResolutionRow(1e-2, 3, 3, 4, (4, 3.5), (9, 10.0)),
+    _ResolutionRow(1e-3, 4, 5, 6, (5, 4.5), (10, 10.5)),
+    _ResolutionRow(1e-4, 5, 6, 8, (9, 6.0), (13, 12.0)),
+    _ResolutionRow(1e-5, 6, 8, 11, (10, 7.0), (16, 12.0)),
+    _ResolutionRow(1e-6, 7, 10, 12, (14, 8.0), (20, 12.5)),
+    _ResolutionRow(1e-7, 8, 13, 14, (18, 9.0), (26, 14.5)),
+    _ResolutionRow(1e-8, 9, 15, 17, (22, 10.0), (32, 16.5)),
+    _ResolutionRow(1e-9, 11, 19, 20, (27, 10.5), (38, 17.5)),
+    _ResolutionRow(1e-10, 12, 22, 23, (30, 10.5), (43, 17.5)),
 )
 
 
-def resolve(tolerance: float, lowest_index: float, highest_index: float) -> Resolution:
+def resolve(tolerance: float, lowest_index: float, highest_index: float, least_cosine: float = 1.0) -> Resolution:
     """Directions that keep the absolute error of either reflectance below the tolerance for an array of indices.
 
     A span that reaches down to one, such as that of a traced index, gets directions good for all of it.
@@ -102,13 +116,18 @@ def resolve(tolerance: float, lowest_index: float, highest_index: float) -> Reso
         tolerance: absolute error wanted; anything below 1e-10 gets the directions for 1e-10.
         lowest_index: smallest refractive index of the batch.
         highest_index: largest one, above 1.
+        least_cosine: of the two cosines in air the larger one, at its smallest: where both graze a medium of index
+            one, the light between them scatters within a thin layer that takes more directions.
 
     Returns:
         `Resolution`, the first row of the table that is fine enough, split at the critical angle.
     """
     row = next((row for row in _ROWS if row.tolerance <= tolerance * (1 + 1e-9)), _ROWS[-1])
-    if 1.0 < lowest_index < _SLIVER:
-        return Resolution(3 * row.near_cone // 2 + 1, row.total, crowded=True)
     if lowest_index < NEAR_ONE:
-        return Resolution(row.near_cone, row.total, crowded=True)
+        inside = float(cos_refracted(least_cosine, lowest_index))
+        if inside < _GRAZING:
+            cone, reach = row.grazing
+        else:
+            cone, reach = row.sliver if lowest_index < _SLIVER else (row.near_cone, row.sliver[1])
+        return Resolution(cone, row.total, crowded=True, reach=reach)
     return Resolution(row.cone + (highest_index > HIGH), row.total, crowded=False)

@@ -15,6 +15,8 @@ Numbers: TypeAlias = ArrayLike | Sequence[Any]
 
 INDEX_RANGE = (1.0, 2.5)
 """Refractive indices the directions were calibrated for."""
+LEAST_COSINE = 1e-4
+"""A cosine that is traced may be as small as this."""
 
 # Numbers up to which NumPy does what must be done to a known array.
 _SMALL = 1 << 16
@@ -45,6 +47,12 @@ def concrete(value: Numbers) -> np.ndarray | None:
 def plain_number(value: Any) -> float | None:
     """A number of Python or numpy; None for an array, and for what is traced."""
     return float(value) if isinstance(value, int | float | np.floating | np.integer) else None
+
+
+def smallest_cosine(*cosines: Any) -> float:
+    """Smallest known cosine; one that is traced may be as small as 1e-4, None is a direction not asked for."""
+    known = [concrete(c) for c in cosines if c is not None]
+    return min((LEAST_COSINE if c is None else float(c.min(initial=1.0)) for c in known), default=1.0)
 
 
 def check_choice(name: str, value: str, choices: Any) -> None:

@@ -1,7 +1,7 @@
 """Quadrature over the half range: Gauss nodes, plain or crowded, and rules split at the critical angle."""
 
 import functools
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import jax
 import numpy as np
@@ -56,6 +56,7 @@ def split_range(
     refractive_index: float | Float[Array, "*batch"],
     outside: tuple[Float[np.ndarray, "n"], Float[np.ndarray, "n"]],
     below: tuple[Float[np.ndarray, "m"], Float[np.ndarray, "m"]] | None,
+    reach: float | None = None,
 ) -> Directions:
     """Rule for the whole half range in a medium, split at the critical angle.
 
@@ -63,14 +64,15 @@ def split_range(
         refractive_index: n >= 1, a number (the result is then numpy) or a JAX array (...).
         outside: nodes in the cosine outside, for the directions that can leave.
         below: nodes in the cosine inside over that of the critical angle, for the others; None leaves these out.
+        reach: if given, ``outside`` counts in the variable of `_along_the_rise` instead, over at most this range.
     """
     xp = array_module(refractive_index)
     n = refractive_index[..., None] if isinstance(refractive_index, jax.Array) else np.float64(refractive_index)
-    cos_outside, w_outside = outside
     excess = (n - 1.0) * (n + 1.0)
-    if below is not None:
+    if below is not None or reach is not None:
         # At n = 1 the totally reflected part is empty; a sliver keeps 1/mu finite where n is an array.
         excess = xp.maximum(excess, 1e-18 if excess.dtype == np.float64 else 1e-11)
+    cos_outside, w_outside = outside if reach is None else _along_the_rise(excess, outside, reach)
     cosines = xp.sqrt(excess + cos_outside**2) / n
     weights = w_outside * cos_outside / (n * n * cosines)
     reflectance = dielectric_reflectance(cos_outside, n)
@@ -80,7 +82,43 @@ def split_range(
         weights = xp.concatenate([weights, critical * below[1]], axis=-1)
         beyond = xp.where(n > 1.0, 1.0, 0.0) * xp.ones(below[0].size)
         reflectance = xp.concatenate([reflectance, beyond], axis=-1)
-    return Directions(cosines, conserve(cosines, weights), reflectance)
+    if reach is None:
+        return Directions(cosines, conserve(cosines, weights), reflectance)
+    return Directions(cosines, _conserve_at_grazing(cosines, weights, 2.0 * np.exp(-reach)), reflectance)
+
+
+def _along_the_rise(excess: Any, nodes: Nodes, reach: float) -> tuple[Any, Any]:
+    """Cosines outside and their weights, evenly spread where the internal reflectance rises.
+
+    With c = s sinh(t), s^2 = n^2 - 1, Fresnel's amplitude of one polarisation is -exp(-2 t), exactly, and the other is
+    as smooth, however near n is to one. The whole cone is t in [0, arsinh(1/s)]; ``reach`` bounds it.
+
+    Args:
+        excess: n^2 - 1, (..., 1) or a number, > 0.
+        nodes: nodes and weights on [0, 1].
+        reach: longest range of t. An index with arsinh(1/s) beyond it rises between the last node and grazing.
+    """
+    xp = array_module(excess)
+    span = xp.minimum(xp.arcsinh(1.0 / xp.sqrt(excess)), excess.dtype.type(reach))
+    y, weights = (column.astype(excess.dtype) for column in nodes)
+    scale = xp.sinh(span)
+    return xp.sinh(span * y) / scale, weights * span * xp.cosh(span * y) / scale
+
+
+def _conserve_at_grazing(cosines: Any, weights: Any, grazing: float) -> Any:
+    """Weights with sum w = 1 and sum w mu = 1/2, what is missing of the first put where light grazes.
+
+    A rise that falls between the nodes costs the first sum what it has no business to take from other directions.
+    ``grazing`` is the cosine about which it is.
+    """
+    xp = array_module(weights)
+    here = weights / (1.0 + (cosines / grazing) ** 2)
+    total, flux = xp.sum(weights, axis=-1, keepdims=True), xp.sum(weights * cosines, axis=-1, keepdims=True)
+    some, little = xp.sum(here, axis=-1, keepdims=True), xp.sum(here * cosines, axis=-1, keepdims=True)
+    determinant = some * flux - little * total
+    added = ((1.0 - total) * flux - (0.5 - flux) * total) / determinant
+    scaled = ((0.5 - flux) * some - (1.0 - total) * little) / determinant
+    return weights * (1.0 + scaled) + here * added
 
 
 def conserve(

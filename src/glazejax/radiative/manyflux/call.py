@@ -10,11 +10,20 @@ import numpy as np
 from jaxtyping import Array
 
 from ..common.chunks import in_chunks
-from ..common.inputs import Numbers, batch_of_stacks, check_tolerance, check_values, concrete, flat_batch, plain_number
+from ..common.inputs import (
+    Numbers,
+    batch_of_stacks,
+    check_tolerance,
+    check_values,
+    concrete,
+    flat_batch,
+    plain_number,
+    smallest_cosine,
+)
 from ..common.phase import check_moments, isotropic
 from . import joined as manyflux_joined
 from . import solve as manyflux_solve
-from .effort import Effort, Solution, choose_effort, smallest_cosine
+from .effort import Effort, Solution, choose_effort
 from .ground import GroundTable
 from .media import Media
 from .solve import Layers

@@ -1,13 +1,13 @@
 """From the accuracy asked for to directions, Legendre moments, azimuth modes and doublings of the many-flux solver."""
 
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
 
 from ..common.directions import Resolution, half_range
 from ..common.fresnel import cos_refracted
-from ..common.inputs import check_choice, concrete
+from ..common.inputs import check_choice
 from .directions import Spread, best_directions, fewest_directions, spread_directions
 from .doubling import doublings
 from .media import Media, SharedSpread, fewest_shared_directions, in_medium, shared_directions
@@ -18,8 +18,6 @@ _MOMENT_SHARE = 0.03
 _MODE_SHARE = 0.3
 THICKEST = 1e6
 """Layers whose thickness is traced may be this thick."""
-# A cosine that is traced may be as small as this; below it the first, thin layer is no longer thin.
-_LEAST_COSINE = 1e-4
 
 Solution = Literal["doubling", "modes"]
 """Ways to the operators of a layer: `doubling` or `eigenmodes`."""
@@ -41,12 +39,6 @@ class Effort(NamedTuple):
     def width(self) -> int:
         """Number of directions in a hemisphere."""
         return sum(self.directions.counts if isinstance(self.directions, SharedSpread) else self.directions[:2])
-
-
-def smallest_cosine(*cosines: Any) -> float:
-    """Smallest known cosine; one that is traced may be as small as 1e-4, None is a direction not asked for."""
-    known = [concrete(c) for c in cosines if c is not None]
-    return min((_LEAST_COSINE if c is None else float(c.min(initial=1.0)) for c in known), default=1.0)
 
 
 def choose_effort(

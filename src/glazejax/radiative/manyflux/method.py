@@ -11,9 +11,9 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..common.directions import resolve
-from ..common.inputs import Numbers, concrete
+from ..common.inputs import Numbers, concrete, smallest_cosine
 from ..common.stack_arrays import Stack
-from .effort import THICKEST, Effort, choose_effort, effort_for_indices, smallest_cosine
+from .effort import THICKEST, Effort, choose_effort, effort_for_indices
 from .solve import Layers, hemispherical_reflectance, reflectance_factor
 
 

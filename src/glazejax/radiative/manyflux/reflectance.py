@@ -15,9 +15,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..common.inputs import Numbers, check_values
+from ..common.inputs import Numbers, check_values, smallest_cosine
 from .call import GivenStack, Indices, diffuse, factors, fluxes, prepare, tables
-from .effort import Solution, smallest_cosine
+from .effort import Solution
 from .ground import GroundTable
 
 

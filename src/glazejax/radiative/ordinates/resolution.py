@@ -1,11 +1,14 @@
 """From the accuracy asked for to the number of directions, for an index that is a number."""
 
 import functools
+import math
 
 import numpy as np
 from jaxtyping import Float
 
-from ..common.directions import HIGH, NEAR_ONE, Resolution, whole_range
+from ..common.directions import HIGH, NEAR_ONE, Resolution, resolve, whole_range
+from ..common.fresnel import cos_refracted
+from ..common.inputs import INDEX_RANGE, LEAST_COSINE
 from ..common.quadrature import Directions
 from ..common.simultaneous import fine_half_range
 
@@ -15,6 +18,10 @@ _SHARE = 0.17
 # Beams may graze inside, too, where the index is near one; where it is high, the light inside is many times brighter.
 _SHARE_NEAR_ONE = 0.08
 _SHARE_HIGH = 0.1
+# The same for what is scattered twice between grazing beams.
+_SHARE_GRAZING = 0.05
+# Where light and view are both below this cosine inside, that is looked at.
+_GRAZING = 0.1
 _FINEST = 1e-10
 _MOST_NODES = 40
 # Optical depths at which the sums are compared; beyond the last one there is nothing left.
@@ -24,36 +31,55 @@ _CONE = (1, 2, 3, 4)
 _CROWDING_OFFSETS = (-0.6, -0.45, -0.3, -0.15, 0.0, 0.15)
 
 
-def resolve_known(tolerance: float, refractive_index: float) -> Resolution:
+def resolve_known(tolerance: float, refractive_index: float, least_cosine: float = 1.0) -> Resolution:
     """Fewest directions that keep the absolute error of either reflectance below the tolerance at one known index.
 
     Args:
         tolerance: absolute error wanted; anything below 1e-10 gets the directions for 1e-10.
         refractive_index: n >= 1, a number.
+        least_cosine: of the two cosines in air the larger one, at its smallest. It matters for an index near one,
+            where light may graze inside too; below 1e-4 it counts as that.
 
     Returns:
-        `Resolution` of a rule over the whole half range.
+        `Resolution` of a rule over the whole half range; where light grazes a medium inside that is not quite of
+        index one, of one split at the critical angle, which follows the rise of R between such angles.
     """
-    return _fewest(max(float(tolerance), _FINEST), float(refractive_index))
+    inside = max(float(cos_refracted(least_cosine, refractive_index)), LEAST_COSINE)
+    if inside < _GRAZING and refractive_index > 1:
+        return resolve(tolerance, 1.0, INDEX_RANGE[1], least_cosine)
+    # Decades, so that few programs serve all angles.
+    grazing = 10.0 ** math.floor(math.log10(inside) + 1e-9) if inside < _GRAZING else None
+    return _fewest(max(float(tolerance), _FINEST), float(refractive_index), grazing)
 
 
 @functools.lru_cache(maxsize=256)
-def _fewest(tolerance: float, index: float) -> Resolution:
+def _fewest(tolerance: float, index: float, grazing: float | None) -> Resolution:
     # Some digits come with every two nodes; the search starts below where it can end.
     share = _SHARE_NEAR_ONE if index < NEAR_ONE else _SHARE_HIGH if index > HIGH else _SHARE
     wanted = share * tolerance
     exact = flux_sums(fine_half_range(index, 6.0))
+    offsets, error = _CROWDING_OFFSETS, functools.partial(flux_error, exact=exact)
+    if grazing is not None:
+        cosines = np.geomspace(grazing, 1.0, 40)
+        exact_grazing = grazing_sums(fine_half_range(index, 9.0), cosines)
+
+        def error(rule: Directions) -> float:
+            between = np.max(np.abs(grazing_sums(rule, cosines) - exact_grazing))
+            return max(flux_error(rule, exact), share / _SHARE_GRAZING * float(between))
+
     for count in range(max(2, int(-1.2 * np.log10(wanted)) - 1), _MOST_NODES + 1):
         usual = max(1.95 * np.sqrt(count) - 2.0, 0.6)
+        if grazing is not None:
+            offsets = np.arange(-0.6, max(0.0, -math.log(grazing) - usual) + 1.0, 0.3).tolist()
         cones = [cone for cone in _CONE if cone < count] if index > 1 else [0]
         tried = [
-            (flux_error(rule, exact), resolution)
+            (error(rule), resolution)
             for cone in cones
-            for offset in _CROWDING_OFFSETS
+            for offset in offsets
             if (rule := whole_range(index, resolution := Resolution(cone, count - cone, crowding=usual + offset)))
         ]
-        error, best = min(tried, default=(np.inf, None))
-        if best is not None and error <= wanted:
+        worst, best = min(tried, default=(np.inf, None))
+        if best is not None and worst <= wanted:
             return best
     raise ValueError(f"no directions found for a tolerance of {tolerance:g} at index {index:g}; ask for a coarser one")
 
@@ -73,3 +99,13 @@ def flux_error(rule: Directions, exact: Float[np.ndarray, "2 depths"]) -> float:
     """
     everything, reflected = flux_sums(rule) - exact
     return float(max(np.max(np.abs(a)) for a in (everything, reflected, everything - reflected)))
+
+
+def grazing_sums(rule: Directions, cosines: Float[np.ndarray, "m"]) -> Float[np.ndarray, "m"]:
+    """Sums of w/(mu + m) over a rule, a quarter of each, at cosines m.
+
+    Light of cosine m that is scattered twice before it is seen along m again adds q^2 times these to the radiance: the
+    first kernel of `flux_error`, averaged over depths of some m. There is no surface where this is asked for.
+    """
+    mu, weights, _ = (np.asarray(a) for a in rule)
+    return 0.25 * np.sum(weights / (mu + cosines[:, None]), axis=1)

@@ -5,11 +5,13 @@ fixed fields. By albedo, thickness and ground that is done in closed form, mode 
 cosines, which are rarely wanted, JAX does it.
 """
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..common.directions import Resolution
+from ..common.directions import Resolution, half_range
 from ..common.kernels import decay_integral
 from ..common.linalg import product, transposed
 from ..common.split import Split
@@ -49,12 +51,54 @@ def reflectance_and_gradient(
     for name in [name for name in wanted if name not in gradient]:
 
         def stationary(leaf: Array, name: str = name) -> Array:
-            return _stationary(assemble(stack._replace(**{name: leaf}), resolution), solution, system.modes.vectors)
+            moved = stack._replace(**{name: leaf})
+            directions = half_range(_resolved(moved.refractive_index, resolution), resolution)
+            return _stationary(assemble(moved, directions), solution, system.modes.vectors)
 
         # One number a stack: a single forward derivative, a smaller program than a reverse one.
         leaf = getattr(stack, name)
         gradient[name] = jax.jvp(stationary, (leaf,), (jnp.ones_like(leaf),))[1]
+        if name == "refractive_index" and resolution.reach is not None:
+            unresolved = _excess(leaf) < resolution.resolves()
+            gradient[name] += jnp.where(unresolved, system.factor * _onset(stack, system, solution), 0.0)
     return value, gradient
+
+
+def _excess(index: Array) -> Array:
+    return (index - 1.0) * (index + 1.0)
+
+
+def _resolved(index: Any, resolution: Resolution) -> Any:
+    """The index, by which directions must not be differentiated where they do not follow the interface's rise."""
+    if resolution.reach is None or not isinstance(index, jax.Array):
+        return index
+    return jnp.where(_excess(index) < resolution.resolves(), jax.lax.stop_gradient(index), index)
+
+
+# Flux of a radiance of one that the interface sends back, over pi (n^2 - 1), as n nears one: all that is totally
+# reflected, 1/2, and the rest, int_0^inf e^(-4 t) sinh(t) cosh(t) dt = 1/12; times d(n^2 - 1)/dn = 2.
+_ONSET = 2.0 * (1.0 / 2.0 + 1.0 / 12.0)
+
+
+def _onset(stack: Stack, system: System, solution: SolvedFields) -> Array:
+    """What the interface adds by the index as that leaves one, but for the factor C, (batch,).
+
+    It then sends back what grazes it from inside, and nothing else to first order: cosines up to sqrt(n^2 - 1). All of
+    that light comes from just below and ends there. So its share of R is the product of the light's grazing radiance
+    and the view's; of the flux that leaves, as much is also lost.
+    """
+    # The first layer that is not empty, or the ground, shines as its source does.
+    filled = stack.optical_thickness > 0
+    first = jnp.take_along_axis(stack.albedo, jnp.argmax(filled, axis=1)[:, None], axis=1)
+    mu, weights = (jnp.asarray(a, stack.albedo.dtype) for a in system.directions[:2])
+    scattered = jnp.sum((jnp.sqrt(weights) / mu)[..., None, :] * solution.at_interface, axis=-1)
+    beams = jnp.ones(2, scattered.dtype) if stack.cos_viewing is not None else jnp.array([1.0, 0.0], scattered.dtype)
+    from_layer = 0.5 * first * (scattered + beams)
+    lit = _diffuse_on_ground(system, solution) + system.ends.ground_light
+    from_ground = 0.5 * system.ends.ground_factor[:, None] * lit
+    light, view = jnp.where(jnp.any(filled, axis=1)[:, None], from_layer, from_ground).T
+    lost = 1.0 if stack.cos_viewing is None else 0.0
+    return _ONSET * light * (2.0 * view - lost)
 
 
 def _diffuse_on_ground(system: System, solution: SolvedFields) -> Array:
