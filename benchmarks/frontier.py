@@ -1,11 +1,13 @@
 """Run time against error: this program and every peer that installs from PyPI, on the same work.
 
-    python -m benchmarks.frontier [--out FOLDER]
+    python -m benchmarks.frontier [--device gpu] [--out FOLDER]
 
 41 wavelengths x 2 layers, one geometry, reflectance factor. Peers need the extra `benchmark`; one that is missing
 gets a line that says so. Error: the largest relative error over the wavelengths, against a run of this program with
 half as many directions again as for its finest tolerance, which the peers' finest runs confirm. Times: warm medians of
-programs run in turn, set-up and compilation left out. Writes a table and a log-log plot.
+programs run in turn, set-up and compilation left out. Writes a table and a log-log plot. With `--device gpu` this
+program's curves, their gradients and single precision among them, get a second column, 'ms GPU'; errors stay those of
+the processor's values.
 """
 
 import argparse
@@ -16,6 +18,7 @@ from typing import Any, NamedTuple
 import jax
 import numpy as np
 
+from benchmarks import device
 from benchmarks.frontier_curves import (
     CDISORT,
     CONVENTIONAL,
@@ -183,13 +186,17 @@ def confirm(rows: Sequence[Row], peers: Iterable[Curve], work: Work, say: Result
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add_option(parser)
+    device.add_option(parser)
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
-    say = Results("frontier", options.out)
+    chosen = device.start(options.device)
+    say = Results(device.file_name("frontier", options.device), options.out)
     work = two_layers()
     peers, missing = peer_curves(work)
     say("Run time against error: 41 wavelengths x 2 layers, one geometry, reflectance factor; float64 unless said")
     say(environment(*(package for package in PACKAGES if installed(package))))
+    if options.device == "gpu":
+        say(f"{device.words(chosen)}; 'ms GPU' is its time, inputs and results in its own memory")
     say(f"Threads: glazejax XLA's own pool; CDISORT {os.cpu_count()}; sasktran2 as its setting says, streams/threads;")
     say("the others offer none. BLAS, which the peers call, keeps to one thread: more cost them time.")
     say("sasktran2 is told that isotropic scattering has one azimuth mode ('all modes' is its default).")

@@ -1,6 +1,6 @@
 """Identification of other people's paints and across shades and cards; and its speed.
 
-    python -m benchmarks.identification [--out FOLDER]
+    python -m benchmarks.identification [--device gpu] [--out FOLDER]
 
 Films left out of a fit, with known truth, are in `benchmarks.truth`. Kimera masstones and the RRT panel are
 other paints, measured with other instruments. HypPigments: three shades of each of 398 patches are known, the fourth is
@@ -19,6 +19,7 @@ from unittest import mock
 import jax
 import numpy as np
 
+from benchmarks import device
 from benchmarks.identification_sets import hyppigments, hyppigments_across_cards, kimera, rrt
 from benchmarks.results import Results, add_option
 from benchmarks.timing import environment
@@ -157,10 +158,13 @@ def _first(found: Identification, row: int) -> tuple[frozenset[int], int]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add_option(parser)
+    device.add_option(parser)
     options = parser.parse_args()
+    chosen = device.start(options.device)
     start_jax()
-    results = Results("identification", options.out)
+    results = Results(device.file_name("identification", options.device), options.out)
     results(environment())
+    results(device.words(chosen))
     results()
     for part in (speed, profile, kimera, rrt, hyppigments, hyppigments_across_cards):
         part(results)

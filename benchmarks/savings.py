@@ -1,13 +1,13 @@
 """What is gained by leaving out what a scene does not need: each saving of the plan on and off, and glazed pictures.
 
-    python -m benchmarks.savings [--out FOLDER]
+    python -m benchmarks.savings [--device gpu] [--out FOLDER]
 
 Each saving gets a scene it is made for, and runs on it alone against none at all (reciprocity: with and without it,
 where equal stacks are computed once): time with the plan's own included, warm medians of programs run in turn, and
 the largest change of the result, as a share of the tolerance asked for.
 Then a picture of 512 x 512 pixels, two layers with a thickness map each, 31 wavelengths, to sRGB: seconds and peak
 memory in a process of its own, and the colour difference from computing pixels one by one. Writes a table and the
-picture.
+picture. The plan itself is made on the processor, whatever the device.
 """
 
 import argparse
@@ -22,6 +22,7 @@ from typing import Any
 import jax
 import numpy as np
 
+from benchmarks import device
 from benchmarks.results import Results, add_option
 from benchmarks.strokes import brush_strokes, primed_canvas
 from benchmarks.timing import environment, interleaved
@@ -134,7 +135,7 @@ def picture_report(say: Results, options: argparse.Namespace) -> None:
     import glazejax as gj
     from glazejax import colour
 
-    command = [sys.executable, "-m", "benchmarks.savings", "--measure-picture"]
+    command = [sys.executable, "-m", "benchmarks.savings", "--measure-picture", "--device", options.device]
     figures = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()[-1])
     paints = [gj.catalogue.load()[name] for name in PAINTS]
     thickness = maps(PICTURE_SIZE)
@@ -156,20 +157,23 @@ def picture_report(say: Results, options: argparse.Namespace) -> None:
     say(f"  pixel by pixel it would take {seconds:.0f} s (from {CHECKED_PIXELS}), {times:.0f} times as long")
     say(f"  Delta E00 from that, at {CHECKED_PIXELS} random pixels: mean {error.mean():.4f}, max {error.max():.4f}")
     options.out.mkdir(parents=True, exist_ok=True)
-    fast.save(options.out / "glazed_picture.png")
+    fast.save(options.out / f"{device.file_name('glazed_picture', options.device)}.png")
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add_option(parser)
+    device.add_option(parser)
     parser.add_argument("--measure-picture", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
+    chosen = device.start(options.device)
     if options.measure_picture:
         print(json.dumps(measure_picture()))
         return
-    say = Results("savings", options.out)
+    say = Results(device.file_name("savings", options.device), options.out)
     say(environment())
+    say(device.words(chosen))
     savings_table(say)
     picture_report(say, options)
     say.save()

@@ -1,14 +1,14 @@
 """Time and memory against the size of the work: layers, wavelengths, stacks, pixels of a glazed picture.
 
-    python -m benchmarks.scaling [--out FOLDER]
+    python -m benchmarks.scaling [--device gpu] [--out FOLDER]
 
 Each series runs in a process of its own, from small to large, and notes the highest resident memory so far. Layers and
 wavelengths run beside CDISORT's threaded batch binding (extra `benchmark`; it has no refracting surface), each at the
 setting that is the cheapest with a relative error of 1e-4 on 41 wavelengths x 2 layers. Stacks have two layers and a
 tolerance of 1e-4: their value, value and slopes by every albedo and thickness, and the value in single precision. A
 picture has two layers with a thickness map each, 31 wavelengths, Delta E00 0.1. Warm medians, compilation left out.
-Exponents are slopes of a line through the logarithms over the range given. With a GPU there is a column for it; what
-it holds in its own memory is not counted. Writes a table and a log-log plot.
+Exponents are slopes of a line through the logarithms over the range given. With `--device gpu` there is a column for
+it; what it holds in its own memory is not counted. Writes a table and a log-log plot.
 """
 
 import argparse
@@ -25,6 +25,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from benchmarks import device
 from benchmarks.peers import Work, cdisort, installed, two_layers
 from benchmarks.results import Results, add_option
 from benchmarks.timing import environment, interleaved
@@ -134,7 +135,7 @@ def programs(name: str) -> Callable[[int], dict[str, Callable[[], Any]]]:
 def measure(name: str, platform: str) -> None:
     """Print one line of JSON for each size of a series."""
     series = next(s for s in SERIES if s.name == name)
-    with jax.default_device(jax.devices(platform)[0]):
+    with jax.default_device(device.start(platform)):
         make = programs(name)
         for size in series.sizes:
             point = make(size)
@@ -223,6 +224,7 @@ def draw(results: dict[str, dict[str, list[dict[str, Any]]]]) -> Any:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add_option(parser)
+    device.add_option(parser)
     parser.add_argument("--measure", help=argparse.SUPPRESS)
     parser.add_argument("--platform", default="cpu", help=argparse.SUPPRESS)
     options = parser.parse_args()
@@ -230,9 +232,12 @@ def main() -> None:
     if options.measure:
         measure(options.measure, options.platform)
         return
-    platforms = ["cpu"] + [jax.default_backend()] * (jax.default_backend() != "cpu")
-    say = Results("scaling", options.out)
+    platforms = ["cpu"] + ["gpu"] * (options.device == "gpu")
+    chosen = device.start(options.device)
+    say = Results(device.file_name("scaling", options.device), options.out)
     say(f"{os.cpu_count()} cores; {environment(*(['nanodisort'] if installed('nanodisort') else []))}")
+    if options.device == "gpu":
+        say(f"{device.words(chosen)}; stacks go there and back in each call, 40 bytes in and 8 out each")
     results: dict[str, dict[str, list[dict[str, Any]]]] = {}
     for series in SERIES:
         results[series.name] = {platform: measured(series.name, platform) for platform in platforms}

@@ -11,7 +11,10 @@ from pathlib import Path
 # Most of the suite's time and memory is compilation. Fast code is for users; here it is compiled quickly instead,
 # unless the programs that users run are what is to be tested. Without the emitters of fused loops compiling takes a
 # quarter of the time and memory.
-if os.environ.get("GLAZEJAX_TEST_OPTIMISED") != "1":
+ELSEWHERE = os.environ.get("JAX_PLATFORMS", "cpu").split(",")[0] not in ("", "cpu")
+"""Whether the tests run on a GPU: JAX_PLATFORMS=cuda, docs/gpu.md."""
+
+if os.environ.get("GLAZEJAX_TEST_OPTIMISED") != "1" and not ELSEWHERE:
     quick = "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false"
     os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {quick} --xla_cpu_parallel_codegen_split_count=1"
 
@@ -104,6 +107,8 @@ _BUDGET = float(os.environ.get("GLAZEJAX_TEST_SECONDS") or "inf")
 
 
 def pytest_runtest_setup(item):
+    if ELSEWHERE and item.get_closest_marker("processor"):
+        pytest.skip("of a CPU's programs, and JAX_PLATFORMS asks for another device")
     if time.monotonic() - _STARTED > _BUDGET:
         pytest.skip(f"not begun: {_BUDGET:.0f} s had gone (GLAZEJAX_TEST_SECONDS)")
 

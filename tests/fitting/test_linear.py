@@ -71,6 +71,7 @@ def test_wide_problems_are_refused():
         solve(np.ones((1, 2)), np.ones(1))
 
 
+@pytest.mark.processor
 def test_no_lapack_in_the_program():
     matrices, vectors = jnp.ones((5, 4, 2)), jnp.ones((5, 4))
     text = jax.jit(jax.vmap(solve)).lower(matrices, vectors).compile().as_text()

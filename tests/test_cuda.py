@@ -1,0 +1,141 @@
+"""Programs for an NVIDIA GPU, on a machine that may have none: they lower for it, call no host and move no data.
+
+That they run there, and how fast, only a GPU tells: `JAX_PLATFORMS=cuda python -m pytest`, docs/gpu.md.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import glazejax as gj
+from glazejax import (
+    colour,
+    profile_reflectance_factor,
+    split_reflectance_factor,
+    stack_hemispherical_reflectance,
+    stack_reflectance_factor,
+)
+
+from .cuda import assert_runs_there, lowered, trouble, watch
+
+
+def stacks(layers: int, count: int = 5):
+    rng = np.random.default_rng(layers)
+    shape = (count, layers)
+    given = rng.uniform(0, 1, shape), rng.uniform(0.1, 2, shape), rng.uniform(0, 1, count)
+    return tuple(jnp.asarray(a) for a in given)
+
+
+def factor(q, d, ground, **options):
+    return stack_reflectance_factor(q, d, ground, cos_incidence=0.8, cos_viewing=0.6, tolerance=1e-4, **options)
+
+
+def flux(q, d, ground):
+    return stack_hemispherical_reflectance(q, d, ground, cos_incidence=0.8, tolerance=1e-4)
+
+
+@pytest.mark.parametrize("layers", [1, 2, 9])
+def test_stacks_and_their_gradients(layers):
+    inputs = stacks(layers)
+    for f in (factor, flux):
+        assert_runs_there(f, *inputs)
+        assert_runs_there(jax.value_and_grad(lambda *a, f=f: f(*a).sum(), argnums=(0, 1, 2)), *inputs)
+
+
+def test_the_index_and_the_cosines_too():
+    q, d, ground = stacks(2)
+
+    def f(index, light, view):
+        return stack_reflectance_factor(
+            q, d, ground, refractive_index=index, cos_incidence=light, cos_viewing=view, tolerance=1e-4
+        ).sum()
+
+    assert_runs_there(jax.value_and_grad(f, argnums=(0, 1, 2)), 1.5, 0.8, 0.6)
+
+
+def test_many_stacks_go_through_in_chunks():
+    assert_runs_there(factor, *stacks(2, 20_000))
+
+
+@pytest.mark.parametrize("method", ["auxiliary", "manyflux"])
+def test_the_other_methods(method):
+    assert_runs_there(lambda *a: factor(*a, method=method), *stacks(2, 3))
+
+
+def test_split_and_graded_layers():
+    q, d, ground = stacks(2, 3)
+    assert_runs_there(lambda *a: split_reflectance_factor(*a, tolerance=1e-4), q, d, ground)
+
+    def graded(q, d, ground):
+        k, s = (1.0 - q[:, None]) * (1.0 + jnp.linspace(0.0, 1.0, 5)), q[:, None] * jnp.ones(5)
+        return profile_reflectance_factor(k, s, d, ground, tolerance=1e-3)
+
+    assert_runs_there(graded, q[:, 0], d[:, 0], ground)
+
+
+def test_single_precision_stays_single():
+    with jax.enable_x64(False):
+        inputs = [jnp.asarray(a, jnp.float32) for a in stacks(2)]
+        for program in (factor, jax.value_and_grad(lambda *a: factor(*a).sum(), argnums=(0, 1, 2))):
+            text = lowered(program, *inputs)
+            assert trouble(text) == []
+            assert "f64" not in text, "some of it is computed in double precision, which most GPUs are slow at"
+
+
+def glaze(thickness):
+    paints = gj.catalogue.load()
+    over, under = (paints[name] for name in ("UltramarineBlue", "ChromeYellow"))
+    return gj.Glaze([gj.Layer(over, thickness), gj.Layer(under, 30e-6)], substrate=0.85)
+
+
+@pytest.mark.parametrize("geometry", [gj.Bidirectional(45, 0), gj.Hemispherical(8)])
+def test_reflectance_of_a_glaze_and_its_colour(geometry):
+    def srgb(thickness):
+        made = glaze(thickness)
+        grid = np.asarray(gj.catalogue.load()["ChromeYellow"].wavelengths)
+        return colour.srgb(grid, gj.reflectance(made, geometry))
+
+    assert_runs_there(srgb, 10e-6)
+    assert_runs_there(jax.jacfwd(srgb), 10e-6)
+
+
+def test_the_programs_of_a_picture(monkeypatch):
+    paints = gj.catalogue.load()
+    chosen = [paints[name] for name in ("UltramarineBlue", "ChromeYellow")]
+    thickness = [np.linspace(1e-6, 2e-5, 48).reshape(6, 8), np.full((6, 8), 3e-5)]
+    gj.picture  # noqa: B018  loads the modules, lazily
+    import glazejax.picture
+    import glazejax.radiative.stack  # noqa: F401
+
+    programs = watch(monkeypatch, "glazejax")
+    gj.picture(chosen, thickness, 0.85)
+    assert programs.seen
+    assert programs.trouble == {}
+
+
+@pytest.mark.parametrize("gradient", [False, True])
+def test_a_second_call_moves_nothing_between_host_and_device(gradient):
+    program = factor if not gradient else jax.value_and_grad(lambda *a: factor(*a).sum(), argnums=(0, 1, 2))
+    program = jax.jit(program)
+    inputs = jax.device_put(stacks(2))
+    jax.block_until_ready(program(*inputs))
+    with jax.transfer_guard("disallow"):
+        found = program(*inputs)
+    jax.block_until_ready(found)
+
+
+def test_what_is_looked_for_would_be_found():
+    square = jnp.eye(3)
+    with pytest.raises(NotImplementedError):
+        lowered(jax.scipy.linalg.schur, square)
+    host = jax.ShapeDtypeStruct((3,), jnp.result_type(float))
+    inner = jax.jit(lambda x: jax.lax.cond(x[0] > 0, lambda: jax.pure_callback(np.sin, host, x), lambda: x))
+    with pytest.raises(RuntimeError, match="pure_callback"):
+        lowered(inner, jnp.ones(3))
+    with pytest.raises(RuntimeError, match="debug"):
+        lowered(lambda x: jax.debug.print("{}", x), jnp.ones(3))
+    assert trouble("stablehlo.custom_call @lapack_dgetrf_ffi(%0)") == ["lapack_dgetrf_ffi"]
+    program = jax.jit(jnp.sin)
+    with jax.transfer_guard("disallow"), pytest.raises(Exception, match="Disallowed host-to-device transfer"):
+        program(np.ones(3))
