@@ -174,7 +174,9 @@ def table(say: Results, series: Series, results: dict[str, list[dict[str, Any]]]
     cpu = results["cpu"]
     peer = "CDISORT" in cpu[0]["seconds"]
     others = [name for name in cpu[0]["seconds"] if name not in ("glazejax", "CDISORT")]
-    columns = ["ms", "peak MiB"] + ["CDISORT ms", "ratio"] * peer + others + [f"{p} ms" for p in results if p != "cpu"]
+    elsewhere = [(p, name) for p in results if p != "cpu" for name in ("glazejax", *others)]
+    columns = ["ms", "peak MiB"] + ["CDISORT ms", "ratio"] * peer + others
+    columns += [f"{p} {'ms' if name == 'glazejax' else name.split()[-1]}" for p, name in elsewhere]
     say(f"\n{series.what:<36}" + "".join(f"{c:>12}" for c in columns))
     for k, point in enumerate(cpu):
         ours = point["seconds"]["glazejax"]
@@ -182,7 +184,7 @@ def table(say: Results, series: Series, results: dict[str, list[dict[str, Any]]]
         if peer:
             cells += [f"{1e3 * point['seconds']['CDISORT']:.4g}", f"{ours / point['seconds']['CDISORT']:.2f}"]
         cells += [f"{1e3 * point['seconds'][name]:.4g}" for name in others]
-        cells += [f"{1e3 * r[k]['seconds']['glazejax']:.4g}" for p, r in results.items() if p != "cpu"]
+        cells += [f"{1e3 * results[p][k]['seconds'][name]:.4g}" for p, name in elsewhere]
         say(f"{point['size']:<36}" + "".join(f"{c:>12}" for c in cells))
     names = [(p, "glazejax") for p in results] + [("cpu", "CDISORT")] * peer
     slopes = ", ".join(f"{n} {exponent(results[p], n, series.fitted):.2f}" + f" ({p})" * (p != "cpu") for p, n in names)
