@@ -63,6 +63,7 @@ def million(say: Results, count: int) -> None:
     few = [jnp.asarray(a[:CHECKED]) for a in given]
     exact = np.asarray(factor(*few, tolerance=1e-8))
     slopes = jax.grad(lambda *a: factor(*a, tolerance=1e-8).sum(), argnums=(0, 1, 2))(*few)
+    slopes = [np.asarray(slope) for slope in slopes]  # of double precision where JAX's own would no longer be
     gradient = jax.value_and_grad(value_and_sum, argnums=(0, 1, 2), has_aux=True)
     for single in (False, True):
         with jax.enable_x64(not single):

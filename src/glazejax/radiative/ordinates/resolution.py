@@ -20,8 +20,10 @@ _SHARE_NEAR_ONE = 0.08
 _SHARE_HIGH = 0.1
 # The same for what is scattered twice between grazing beams.
 _SHARE_GRAZING = 0.05
-# Where light and view are both below this cosine inside, that is looked at.
-_GRAZING = 0.1
+# Where light and view are both below this cosine inside, that is looked at, and of the sums less may be wrong: thin
+# layers are several times as bright there. Below the second one an index above one takes another rule.
+_SLANTED, _GRAZING = 0.25, 0.1
+_SHARE_SLANTED = 0.5
 _FINEST = 1e-10
 _MOST_NODES = 40
 # Optical depths at which the sums are compared; beyond the last one there is nothing left.
@@ -48,7 +50,7 @@ def resolve_known(tolerance: float, refractive_index: float, least_cosine: float
     if inside < _GRAZING and refractive_index > 1:
         return resolve(tolerance, 1.0, INDEX_RANGE[1], least_cosine)
     # Decades, so that few programs serve all angles.
-    grazing = 10.0 ** math.floor(math.log10(inside) + 1e-9) if inside < _GRAZING else None
+    grazing = 10.0 ** math.floor(math.log10(inside) + 1e-9) if inside < _SLANTED else None
     return _fewest(max(float(tolerance), _FINEST), float(refractive_index), grazing)
 
 
@@ -56,6 +58,7 @@ def resolve_known(tolerance: float, refractive_index: float, least_cosine: float
 def _fewest(tolerance: float, index: float, grazing: float | None) -> Resolution:
     # Some digits come with every two nodes; the search starts below where it can end.
     share = _SHARE_NEAR_ONE if index < NEAR_ONE else _SHARE_HIGH if index > HIGH else _SHARE
+    share *= 1.0 if grazing is None else _SHARE_SLANTED
     wanted = share * tolerance
     exact = flux_sums(fine_half_range(index, 6.0))
     offsets, error = _CROWDING_OFFSETS, functools.partial(flux_error, exact=exact)
