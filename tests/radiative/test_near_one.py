@@ -54,7 +54,7 @@ def test_error_of_grazing_light_and_view_stays_below_the_tolerance(least, tolera
 
 
 def test_thin_layers_seen_aslant_stay_below_the_tolerance():
-    # One of 6000 random stacks, over 1.2 times the tolerance with the directions of an index of one seen from above.
+    # One of 6000 random stacks with cosines from 0.05 on, which all get the same directions.
     albedo, thickness = [0.99999922, 0.49685725, 1.0], [0.00398201, 0.00089455, 0.00040152]
 
     def factor(tolerance):
@@ -63,12 +63,12 @@ def test_thin_layers_seen_aslant_stay_below_the_tolerance():
             thickness,
             0.5,
             refractive_index=1.0,
-            cos_incidence=0.11253014,
-            cos_viewing=0.15220655,
+            cos_incidence=[0.11253014, 0.05],
+            cos_viewing=[0.15220655, 0.05],
             tolerance=tolerance,
         )
 
-    assert float(factor(1e-8)) == pytest.approx(float(factor(1e-10)), abs=1e-8)
+    assert float(factor(1e-8)[0]) == pytest.approx(float(factor(1e-10)[0]), abs=1e-8)
 
 
 def test_grazing_angles_that_are_known_or_may_come_take_more_directions():
