@@ -42,10 +42,6 @@ def test_the_command_for_a_gpu_runs_its_goals_on_a_processor(tmp_path):
     text = (tmp_path / "on_gpu_cpu.txt").read_text()
     assert done.returncode == 0, done.stderr
     assert "failed" not in text
-    for words in (
-        "Device: the processor",
-        "10000 stacks of 2 layers, float32",
-        "400 x 400 pixels",
-        "ALL SINGLES AND PAIRS",
-    ):
+    goals = "10000 stacks of 2 layers, float32", "400 x 400 pixels", "ALL SINGLES AND PAIRS"
+    for words in ("Device: the processor", *goals):
         assert words in text
