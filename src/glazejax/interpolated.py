@@ -287,6 +287,13 @@ def _values(axes: tuple, coefficients: Any, columns: Any, xp: ModuleType) -> Any
         for basis in others:
             first = (first[:, None] * basis).reshape(-1, first.shape[-1])
         others = []
+    if len(axes) == 1 and coefficients.shape[-1] <= _FEW_CHANNELS:
+        # A product of so small a matrix is slow, and the polynomials need not be kept.
+        return functools.reduce(
+            lambda total, k: total + coefficients[k][:, None] * first[k],
+            range(1, len(first)),
+            coefficients[0][:, None] * first[0],
+        )
     values = product(coefficients.reshape(first.shape[0], -1).T, first, xp)
     for basis in others:
         values = values.reshape(basis.shape[0], -1, values.shape[-1])
