@@ -29,8 +29,8 @@ FIXED = {"upper": 2e-6, "lower": 30e-6, "share": 0.5}
 TOLERANCES = (1e-3, 1e-4, 1e-5)
 SOLVER = 1e-6
 CHECKS = 4096
-DIRECT = 8192
-ROUNDS = 7
+DIRECT = 4096
+ROUNDS = 5
 WEIGHTS, WHITE = colour.colour_weights(GRID), colour.white_point(GRID)
 PAINTS = gj.catalogue.load()
 
