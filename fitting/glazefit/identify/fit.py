@@ -16,6 +16,7 @@ import numpy as np
 from jax.scipy.special import gammaln
 from jaxtyping import Array, Bool, Float, Int
 
+from ..film.ahead import Program
 from ..film.least_squares import damped_newton, inverse_small
 from ..film.response import FilmResponse
 from .screen import Paints
@@ -141,6 +142,7 @@ def coat_model(response: FilmResponse, k: Array, s: Array, ground: Array) -> Mod
     return model
 
 
+@Program
 @functools.partial(jax.jit, static_argnames=("middle", "steps"))
 def fit_sets(
     response: FilmResponse,
@@ -177,6 +179,7 @@ def fit_sets(
     return jax.lax.map(one, (sets, starts, ground, weights))
 
 
+@Program
 @functools.partial(jax.jit, static_argnames="middle")
 def fit_films(
     response: FilmResponse,
@@ -199,6 +202,7 @@ def fit_films(
     return jax.vmap(candidate)(sets, starts, ground, weights)
 
 
+@Program
 @jax.jit
 def film_slopes(
     response: FilmResponse, paints: Paints, sets: Array, logs: Array, ground: Array
@@ -238,3 +242,34 @@ def by_blocks(count: int, block: int, run: Callable[[Int[np.ndarray, "block"]], 
 def block_size(readings: int) -> int:
     """Films that are fitted at a time, so that their errors take some megabytes at most."""
     return int(np.clip(2**22 // readings**2, 4, 128))
+
+
+def programs_ahead(
+    films: tuple[FilmResponse, Paints],
+    single: tuple[FilmResponse, Paints],
+    shape: tuple[int, int],
+    scales: int,
+    largest: int,
+    middle: int,
+    both: bool,
+) -> None:
+    """Begin to compile what the best candidates are fitted with, while others are still looked for.
+
+    Args:
+        films, single: response and paints in double and in single precision.
+        shape: grounds and bands of a spectrum.
+        scales: of the discrepancy.
+        largest: paints of a film, 2 at least.
+        middle: scale that is fitted with.
+        both: whether sets are weighed in single precision and shown in double.
+    """
+    readings = shape[0] * shape[1]
+    count = block_size(readings)
+    numbers, matrix = (count,), (count, scales, readings, readings)
+    members, steps = np.zeros((count, largest), np.int32), jnp.asarray(0)
+    film_slopes.ahead(*films, members, np.zeros(members.shape), np.zeros((count, *shape)))
+    for kind, given in ((np.float32, single), (np.float64, films))[0 if both else 1 :]:
+        sizes = ((count, readings), matrix, (count, scales), *[numbers] * 4)
+        weights = Weights(*(np.broadcast_to(kind(0), size) for size in sizes))
+        ground = np.zeros((count, *shape), kind)
+        fit_films.ahead(*given, members, np.zeros(members.shape, kind), ground, weights, middle, steps)

@@ -28,7 +28,7 @@ from ..film.response import film_response
 from .effort import THOROUGH, USUAL
 from .result import Identification
 from .screen import paints_of
-from .search import CHUNK, first_starts, pieces, search
+from .search import CHUNK, compile_ahead, first_starts, pieces, search
 from .table import FilmTables
 from .task import IdentificationTask, check_pigments, check_spectra, hiding
 from .untold import search_untold
@@ -116,6 +116,7 @@ def identify_chunks(
         )
 
     tasks = {opaque: task(opaque) for opaque in (False, True)}
+    compile_ahead(tasks[told], measured)
     starts = first_starts(tasks[told], measured)
     paints = tuple(pigment.name for pigment in known)
     for together in pieces(np.arange(len(measured)), _TOGETHER):

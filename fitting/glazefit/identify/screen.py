@@ -37,8 +37,10 @@ class Paints(NamedTuple):
 def paints_of(pigments: Sequence[Pigment], thickness: float) -> Paints:
     """Pigments on the grid of the spectra, with this thickness (m) as the usual one."""
     return Paints(
-        jnp.stack([jnp.asarray(p.absorption) for p in pigments]) * thickness,
-        jnp.stack([jnp.asarray(p.scattering) for p in pigments]) * thickness,
+        *(
+            jnp.asarray(thickness * np.asarray([getattr(p, part) for p in pigments], float), float)
+            for part in ("absorption", "scattering")
+        )
     )
 
 

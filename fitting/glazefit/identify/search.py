@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int
 from glazejax.radiative.common.threads import in_threads
 
 from ..film.errors import Whitening, model_covariance, whiten
-from .fit import LEAST, MOST, Fitted, Weights, fit_sets
+from .fit import LEAST, MOST, Fitted, Weights, fit_sets, programs_ahead
 from .own_errors import Groups, allowed, fixed_errors, near_sd, own_errors, refined, weights_of
 from .result import NOBODY, Pool
 from .screen import grow, score, sets_of, unique_best
@@ -94,6 +94,14 @@ def alike_grounds(
     return groups
 
 
+def compile_ahead(task: IdentificationTask, measured: Measured) -> None:
+    """Begin to compile the programs of the search's later steps; return at once."""
+    grounds, bands = measured.readings.shape[1:]
+    films, scales = (task.response, task.paints), len(task.discrepancy.scales)
+    largest, middle = max(task.max_paints, 2), task.middle
+    programs_ahead(films, task.tables.single, (grounds, bands), scales, largest, middle, task.effort.single)
+
+
 def search(task: IdentificationTask, measured: Measured, rows: Int[np.ndarray, "rows"], starts: SetStarts) -> Pool:
     """Fitted candidates of some spectra; `CHUNK` at a time, a few of these side by side."""
     return Pool.joined(in_threads(lambda some: search_chunk(task, measured, some, starts), pieces(rows)))
@@ -108,7 +116,7 @@ def search_chunk(
     some = measured.take(padded)
     ranking = _ranking(task, some)
     start = SetStarts(starts.sets[padded], starts.logs[padded])
-    fitted = _fit(task, start, ranking)
+    fitted = jax.tree.map(np.asarray, _fit(task, start, ranking))
     pool = _pool(task, start.sets, fitted)
     if task.max_paints == 3 and task.known >= 3:
         pairs = slice(task.known, None)
@@ -127,7 +135,7 @@ def search_chunk(
 
 def padded_size(count: int) -> int:
     """Spectra that so many are fitted as."""
-    return next(size for size in (1, 16, CHUNK) if count <= size)
+    return next(size for size in (16, CHUNK) if count <= size)
 
 
 class _Ranking(NamedTuple):
@@ -141,7 +149,7 @@ def _ranking(task: IdentificationTask, some: Measured) -> _Ranking:
     """Errors while candidates are ranked, in the components of the films over the first ground."""
     project = task.films_over(some.grounds.mean(axis=0)).project
     weights = weights_of(task, _flat(some.readings), alike_errors(task, some, project))
-    small = jax.tree.map(lambda a: jnp.asarray(a, jnp.float32), (some.grounds, weights))
+    small = jax.tree.map(lambda a: jnp.asarray(np.asarray(a, np.float32)), (some.grounds, weights))
     return _Ranking(*small)
 
 
@@ -165,7 +173,7 @@ def _with_surface(task: IdentificationTask, pool: Pool, some: Measured) -> Pool:
 
 
 def _fit(task: IdentificationTask, start: SetStarts, ranking: _Ranking) -> Fitted:
-    logs = jnp.asarray(np.clip(start.logs, np.log(LEAST), np.log(MOST)), jnp.float32)
+    logs = jnp.asarray(np.clip(start.logs, np.log(LEAST), np.log(MOST)).astype(np.float32))
     films = task.tables.single
     return fit_sets(*films, jnp.asarray(start.sets), logs, *ranking, task.middle, steps=task.effort.ranking)
 

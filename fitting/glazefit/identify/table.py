@@ -127,8 +127,8 @@ def _films(
     ground: Float[np.ndarray, "grounds bands"],
 ) -> Float[np.ndarray, "films readings"]:
     """Readings of every set at every point of the grid, set by set."""
-    amounts = jnp.asarray(np.broadcast_to(grid, (len(sets), *grid.shape)), jnp.float32)
-    read = _read(response, paints, jnp.asarray(sets), amounts, jnp.asarray(ground, jnp.float32))
+    amounts = jnp.asarray(np.broadcast_to(grid, (len(sets), *grid.shape)).astype(np.float32))
+    read = _read(response, paints, jnp.asarray(sets), amounts, jnp.asarray(ground.astype(np.float32)))
     return np.asarray(read, np.float64).reshape(-1, ground.size)
 
 
@@ -150,7 +150,7 @@ class FilmTables:
     @cached_property
     def single(self) -> tuple[FilmResponse, Paints]:
         """Response and paints in single precision."""
-        return jax.tree.map(lambda a: a.astype(jnp.float32), self._double)
+        return jax.tree.map(lambda a: jnp.asarray(np.asarray(a, np.float32)), self._double)
 
     def over(
         self, ground: Float[np.ndarray, "grounds bands"], whitening: Callable[[int], Float[np.ndarray, "r r"]]
