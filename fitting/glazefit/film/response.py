@@ -83,8 +83,8 @@ class FilmResponse(Response):
         return black, gain, back
 
     def body_and_slopes(
-        self, absorption: Float[Array, "*batch"], scattering: Float[Array, "*batch"], ground: Float[Array, "*#batch"]
-    ) -> tuple[Float[Array, "*batch"], Float[Array, "*batch"], Float[Array, "*batch"]]:
+        self, absorption: Float[Array, "*films"], scattering: Float[Array, "*films"], ground: Float[Array, "..."]
+    ) -> tuple[Float[Array, "..."], Float[Array, "..."], Float[Array, "..."]]:
         """`body`, and its derivatives by k d and by s d: all from one look at the table, twice as fast as tangents.
 
         Args:
