@@ -65,7 +65,7 @@ def simulated(paints: list[Pigment], count: int, seed: int, rough: bool) -> tupl
     return np.clip(spectra, 0.0, 1.0), grounds, pair
 
 
-def speed(results: Results, count: int = 1000, compared: int = 400) -> None:
+def speed(results: Results, count: int = 1000, compared: int = 400, triples: int = 200) -> None:
     """The usual search beside the thorough one: run time, and how often they agree."""
     paints = list(catalogue.load().values())
     grid = paints[0].wavelengths
@@ -94,11 +94,11 @@ def speed(results: Results, count: int = 1000, compared: int = 400) -> None:
         )
         right = [set(m[m >= 0].tolist()) == set(p.tolist()) for m, p in zip(usual.members[:, 0], pair, strict=True)]
         results(f"  both paints right: {np.mean(right):.1%} (fractions down to 0)")
-    spectra, grounds, _ = simulated(paints, 200, 2, False)
+    spectra, grounds, _ = simulated(paints, triples, 2, False)
     identify(spectra, grid, paints, grounds=grounds, max_paints=3)
     began = time.perf_counter()
     identify(spectra, grid, paints, grounds=grounds, max_paints=3)
-    results(f"Sets of three too, noise only, 200 spectra: {200 / (time.perf_counter() - began):.0f} a second")
+    results(f"Sets of three too, noise only, {triples} spectra: {triples / (time.perf_counter() - began):.0f} a second")
 
 
 STAGES = {

@@ -98,7 +98,7 @@ def goals(say: Results, small: bool) -> None:
     parts: tuple[tuple[str, Callable[[], None]], ...] = (
         ("million", lambda: million(say, 10_000 if small else 1_000_000)),
         ("picture", lambda: large_picture(say, 400 if small else 4096)),
-        ("identification", lambda: speed(say, 500 if small else 50_000)),
+        ("identification", lambda: speed(say, *(64, 16, 16) if small else (50_000,))),
     )
     for name, part in parts:
         try:
