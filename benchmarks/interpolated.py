@@ -105,7 +105,7 @@ def main() -> None:
         solver = jax.jit(lambda points: colour.xyz_to_srgb(xyz(**points), WHITE))
         say(f"\n{len(names)} of 3 numbers differ: {', '.join(names)}")
         say(
-            f"{'asked':>7}{'estimate':>10}{'found':>9}{'Delta E':>9}{'slopes':>9}{'solved':>8}{'terms':>12}"
+            f"{'asked':>7}{'estimate':>10}{'found':>9}{'Delta E':>9}{'slopes':>9}{'solved':>8}{'terms':>15}"
             f"{'type':>9}{'million/s':>11}{'core ns':>9}{'solver/s':>10}{'ratio':>7}{'with slopes/s':>15}"
         )
         for tolerance in TOLERANCES:
@@ -126,7 +126,7 @@ def main() -> None:
                 alone = DIRECT / measured["solver"][0]
                 say(
                     f"{tolerance:7.0e}{table.error:10.1e}{found:9.1e}{difference:9.1e}{slope:9.1e}"
-                    f"{table.evaluations:8d}{terms:>12}{jnp.dtype(dtype).name:>9}{rate / 1e6:11.1f}"
+                    f"{table.evaluations:8d}{terms:>15}{jnp.dtype(dtype).name:>9}{rate / 1e6:11.1f}"
                     f"{1e9 * measured['table'][1] / options.pixels:9.0f}{alone:10.0f}{rate / alone:7.0f}"
                     f"{options.pixels / measured['slopes'][0] / 1e6:15.1f}"
                 )
