@@ -1,6 +1,7 @@
 """The two reflectances of a stack of layers and their split: validation, batching, derivatives, choice of method."""
 
 import functools
+import math
 import warnings
 from collections.abc import Callable
 from typing import Any, Literal, NamedTuple
@@ -47,6 +48,8 @@ _DEFAULT_TOLERANCE = 1e-6
 # a core's second-level cache. Elsewhere than on a CPU only memory counts.
 _CHUNK_BYTES = 2**20
 _ORDINATES_CHUNK_BYTES = 2**17
+# So many stacks are a spectrum.
+_FEW = 128
 # So many known stacks go to all cores at once.
 _MANY = 2**13
 # The auxiliary method's matrices are too large for that: enough for a few stacks.
@@ -258,7 +261,9 @@ def _prepare(inputs: _Inputs, tolerance: float, method: str) -> tuple[Stack, _Pr
     if fixed is None and high == 1.0:
         high = 1.001  # an array may be differentiated by, and slopes at one are those just above it
     tolerance = _within_reach(tolerance, method, single=dtype == jnp.float32)
-    resolution, chunk = _resolve(inputs, method, tolerance, (low, high), fixed, given.layers, dtype.itemsize)
+    resolution, chunk = _resolve(
+        inputs, method, tolerance, (low, high), fixed, math.prod(given.batch), given.layers, dtype.itemsize
+    )
     stack = Stack(
         flat["albedo"],
         flat["optical_thickness"],
@@ -288,6 +293,7 @@ def _resolve(
     tolerance: float,
     indices: tuple[float, float],
     fixed: float | None,
+    size: int,
     layers: int,
     itemsize: int,
 ) -> tuple[Any, int]:
@@ -310,7 +316,8 @@ def _resolve(
         least = max(smallest_cosine(inputs.cos_incidence), smallest_cosine(inputs.cos_viewing))
     resolution = resolve(tolerance, *indices, least) if fixed is None else resolve_known(tolerance, fixed, least)
     nodes = resolution.cone + resolution.total
-    room = chunk_bytes(_ORDINATES_CHUNK_BYTES, *inputs)
+    # A spectrum goes through in few pieces: the loop over them would cost more than the cache saves.
+    room = chunk_bytes(_CHUNK_BYTES if size <= _FEW else _ORDINATES_CHUNK_BYTES, *inputs)
     return resolution, max(16, room // ((layers + 3) * nodes**2 * itemsize))
 
 
