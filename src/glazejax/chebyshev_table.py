@@ -13,10 +13,9 @@ from collections.abc import Callable, Sequence
 from types import ModuleType
 from typing import Any, NamedTuple, TypeVar
 
-import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Float
 from numpy.polynomial import chebyshev
 
 # The worst of all points lies above the worst of the check points.
@@ -112,11 +111,6 @@ def polynomials(x: Any, count: int, xp: ModuleType = jnp, axis: int = -1) -> Any
     return xp.stack(rows[:count], axis=axis)
 
 
-def product(first: Any, second: Any, xp: ModuleType) -> Any:
-    """Matrix product in full precision, on accelerators too."""
-    return np.matmul(first, second) if xp is np else xp.matmul(first, second, precision="highest")
-
-
 def trial_line(low: float, high: float, *, both_ends: bool = False) -> Float[np.ndarray, "points"]:
     """Points of an axis for `best_axis`, crowded near the low end, or near both."""
     u = np.linspace(0.0, 1.0, _SCAN)
@@ -152,15 +146,3 @@ def axes_to_refine(tails: Sequence[float], room: Sequence[bool], together: float
     """Axes whose last coefficients (`tails`) are large, among those with room for more nodes."""
     largest = max((tail for tail, more in zip(tails, room, strict=True) if more), default=0.0)
     return [more and tail >= together * largest for tail, more in zip(tails, room, strict=True)]
-
-
-def in_pieces(function: Callable[[Array], Array], points: Float[Array, "points n"], size: int) -> Array:
-    """A function of one point for many, about `size` at a time, so that memory stays bounded."""
-    count, many = points.shape[0], jax.vmap(function)
-    if count <= max(64, size):
-        return many(points)
-    # Equal pieces: `lax.map(batch_size=...)` compiles the function a second time, for what is left over.
-    pieces = -(-count // max(64, size))
-    padded = jnp.pad(points, ((0, -count % pieces), (0, 0)), mode="edge").reshape(pieces, -1, points.shape[1])
-    values = jax.lax.map(many, padded)
-    return values.reshape(-1, values.shape[-1])[:count]

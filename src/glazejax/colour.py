@@ -29,6 +29,7 @@ from .spectra import (
     as_array,
     computed,
     describe_grid,
+    matmul,
     small,
     validate_wavelengths,
 )
@@ -221,7 +222,7 @@ def xyz(
     Raises:
         ValueError: as `colour_weights`, or the last axis of `reflectance` is not the bands.
     """
-    return _computed(_times, *_weighted(wavelengths, reflectance, illuminant, observer))
+    return _computed(matmul, *_weighted(wavelengths, reflectance, illuminant, observer))
 
 
 def lab(
@@ -329,12 +330,8 @@ def _compiled(core: Callable[..., Any], *arrays: Array) -> Array:
     return core(jnp, *arrays)
 
 
-def _times(xp: ModuleType, values: Any, matrix: Any) -> Any:
-    return values @ matrix if xp is np else jnp.matmul(values, matrix, precision="highest")
-
-
 def _lab_of_spectra(xp: ModuleType, values: Any, weights: Any, white: Any) -> Any:
-    return _lab_of_xyz(xp, _times(xp, values, weights), white)
+    return _lab_of_xyz(xp, matmul(xp, values, weights), white)
 
 
 def _lab_of_xyz(xp: ModuleType, values: Any, white: Any) -> Any:
@@ -348,12 +345,12 @@ def _lab_of_xyz(xp: ModuleType, values: Any, white: Any) -> Any:
 
 
 def _srgb_of_light(xp: ModuleType, values: Any, matrix: Any) -> Any:
-    return _encoded(xp, _times(xp, values, matrix))
+    return _encoded(xp, matmul(xp, values, matrix))
 
 
 def _clipped_srgb(xp: ModuleType, values: Any, matrix: Any) -> Any:
     # Rounding in the power would otherwise leave white a hair above 1.
-    return xp.clip(_encoded(xp, xp.clip(_times(xp, values, matrix), 0.0, 1.0)), 0.0, 1.0)
+    return xp.clip(_encoded(xp, xp.clip(matmul(xp, values, matrix), 0.0, 1.0)), 0.0, 1.0)
 
 
 def _encoded(xp: ModuleType, linear: Any) -> Any:

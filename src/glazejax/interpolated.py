@@ -31,11 +31,10 @@ from .chebyshev_table import (
     coefficients_from_nodes,
     extrema,
     polynomials,
-    product,
     trial_line,
 )
 from .radiative.common.chunks import on_all_cores, on_cpu
-from .spectra import Numbers, as_float_array, concrete
+from .spectra import Numbers, as_float_array, concrete, matmul
 
 Distance = Callable[[np.ndarray, np.ndarray], np.ndarray]
 """Error (points,) of approximate values (points, ...) against exact ones."""
@@ -294,7 +293,7 @@ def _values(axes: tuple, coefficients: Any, columns: Any, xp: ModuleType) -> Any
             range(1, len(first)),
             coefficients[0][:, None] * first[0],
         )
-    values = product(coefficients.reshape(first.shape[0], -1).T, first, xp)
+    values = matmul(xp, coefficients.reshape(first.shape[0], -1).T, first)
     for basis in others:
         values = values.reshape(basis.shape[0], -1, values.shape[-1])
         # Term by term, not one sum over an axis: the compiler then vectorises along the points.

@@ -66,6 +66,11 @@ def computed(function: Callable[..., Any], *arrays: Any) -> Float[Array, "..."]:
         return jnp.asarray(function(np, *map(np.asarray, arrays)))
 
 
+def matmul(xp: Any, one: Any, other: Any) -> Any:
+    """Matrix product by NumPy or JAX (``xp``), in full precision on any device."""
+    return np.matmul(one, other) if xp is np else jnp.matmul(one, other, precision="highest")
+
+
 def validate_wavelengths(wavelengths: Grid) -> Float[np.ndarray, "bands"]:
     """Check a wavelength grid and return it as a read-only float64 array.
 

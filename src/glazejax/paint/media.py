@@ -28,6 +28,7 @@ from ..spectra import (
     concrete,
     describe_grid,
     interpolation_matrix,
+    matmul,
     same_grid,
     validate_wavelengths,
 )
@@ -163,11 +164,11 @@ class Pigment(eqx.Module):
         def at(values: Float[Array, "... bands"] | None) -> Float[Array, "... new"] | None:
             if values is None:
                 return None
-            return computed(_times, values, matrix.astype(values.dtype))
+            return computed(matmul, values, matrix.astype(values.dtype))
 
         k, s, phase = at(self.absorption), at(self.scattering), self.phase
         if phase is not None and phase.ndim == 2 and phase.shape[0] > 1:
-            phase = computed(_times, matrix.T.astype(phase.dtype), phase)
+            phase = computed(matmul, matrix.T.astype(phase.dtype), phase)
         assert k is not None
         assert s is not None
         return type(self)(
@@ -410,10 +411,6 @@ class Glaze(eqx.Module):
     def __repr__(self) -> str:
         ground = f"substrate {self.substrate}" if self.substrate.ndim == 0 else f"substrate {self.substrate.shape}"
         return f"Glaze([{', '.join(map(repr, self.layers))}], {ground}, n = {self.refractive_index})"
-
-
-def _times(xp: Any, one: Any, other: Any) -> Any:
-    return one @ other if xp is np else jnp.matmul(one, other, precision="highest")
 
 
 def _check_grids(grids: Sequence[tuple[str, Float[np.ndarray, "..."]]]) -> None:

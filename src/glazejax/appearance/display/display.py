@@ -16,7 +16,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ...colour import SRGB_PRIMARIES, bradford, colour_science, srgb_to_xyz
 from ...radiative.common.fresnel import array_module
-from ...spectra import Numbers, as_array, as_float_array, concrete
+from ...spectra import Numbers, as_array, as_float_array, concrete, matmul
 from .gamut import bring_inside
 from .tone import ToneCurve, look_up
 
@@ -273,5 +273,4 @@ def _times(
 ) -> Float[Array | np.ndarray, "*batch 3"]:
     """The matrix times each vector."""
     xp = array_module(vectors)
-    transposed = xp.asarray(matrix.T, vectors.dtype)
-    return vectors @ transposed if xp is np else xp.matmul(vectors, transposed, precision="highest")
+    return matmul(xp, vectors, xp.asarray(matrix.T, vectors.dtype))

@@ -14,10 +14,11 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, Float
 
-from ...chebyshev_table import Axis, coefficients_from_nodes, in_pieces, polynomials, product, roots
+from ...chebyshev_table import Axis, coefficients_from_nodes, polynomials, roots
 from ...paint.media import Glaze
+from ...radiative.common.chunks import in_chunks
 from ...radiative.common.fresnel import cos_refracted, dielectric_reflectance
-from ...spectra import Grid, Numbers, as_float_array
+from ...spectra import Grid, Numbers, as_float_array, matmul
 from .solve import fixed_thickness, indices, on_grid, on_nodes
 
 # Numbers held at once by the interpolation.
@@ -143,7 +144,7 @@ def evaluate(table: GlazeTable, flat: Any, points: Any, xp: ModuleType) -> Any:
     index = table.refractive_index
     through = [1.0 - dielectric_reflectance(c[:, None], index) for c in (a, b)]
     total = cos_refracted(a[:, None], index) + cos_refracted(b[:, None], index)
-    return product(weights, flat, xp) * through[0] * through[1] / xp.maximum(total, _LEAST_SUM)
+    return matmul(xp, weights, flat) * through[0] * through[1] / xp.maximum(total, _LEAST_SUM)
 
 
 @jax.jit
@@ -153,7 +154,8 @@ def _evaluate(table: GlazeTable, cos_in: Array, cos_out: Array, depth: Array) ->
     flat = interior(table, jnp).reshape(bands, nodes).T
     points = jnp.stack([cos_in.ravel(), cos_out.ravel(), depth.ravel()], axis=1)
     size = _CHUNK_NUMBERS // (nodes + 4 * bands)
-    values = in_pieces(lambda point: evaluate(table, flat, point[:, None], jnp)[0], points, size)
+    one = jax.vmap(lambda point: evaluate(table, flat, point[:, None], jnp)[0])
+    values = in_chunks(one, points, max(64, size))
     return values.reshape(*cos_in.shape, bands)
 
 
@@ -169,4 +171,4 @@ def _angle_weights(table: GlazeTable, axis: int, cosine: Any, xp: ModuleType) ->
 def _lagrange(x: Any, count: int, xp: ModuleType) -> Any:
     """Lagrange's polynomials of the roots at x in [-1, 1], (points,): (points, nodes)."""
     # By sums of Chebyshev polynomials: no division, so slopes are right at the nodes as well.
-    return product(polynomials(x, count, xp), xp.asarray(coefficients_from_nodes(roots, count), x.dtype), xp)
+    return matmul(xp, polynomials(x, count, xp), xp.asarray(coefficients_from_nodes(roots, count), x.dtype))
