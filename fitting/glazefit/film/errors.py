@@ -232,24 +232,14 @@ def coefficient_covariance(
         wavelengths: (bands,), nm.
         discrepancy: size and length of the further errors.
     """
+    grounds = slopes.shape[-1] // wavelengths.size
     kernel = smooth_kernel(wavelengths, discrepancy.coefficient_length)
-    own = slopes * np.tile(known, slopes.shape[-1] // wavelengths.size)
-    return further_covariance(slopes, wavelengths, discrepancy) + _squared(own, kernel)
 
+    def square(slopes: np.ndarray, alike: np.ndarray) -> np.ndarray:
+        return (np.swapaxes(slopes, -1, -2) @ slopes) * np.tile(alike, (grounds, grounds))
 
-def further_covariance(
-    slopes: Float[np.ndarray, "*n errors readings"], wavelengths: Float[np.ndarray, "bands"], discrepancy: Discrepancy
-) -> Float[np.ndarray, "*n readings readings"]:
-    """The part of `coefficient_covariance` that no pigment states: the discrepancy's coefficient and level."""
-    kernel = smooth_kernel(wavelengths, discrepancy.coefficient_length)
-    return _squared(slopes, discrepancy.coefficient**2 * kernel + discrepancy.level**2)
-
-
-def _squared(
-    slopes: Float[np.ndarray, "*n errors readings"], alike: Float[np.ndarray, "bands bands"]
-) -> Float[np.ndarray, "*n readings readings"]:
-    grounds = slopes.shape[-1] // len(alike)
-    return (np.swapaxes(slopes, -1, -2) @ slopes) * np.tile(alike, (grounds, grounds))
+    own = slopes * np.tile(known, grounds)
+    return square(slopes, discrepancy.coefficient**2 * kernel + discrepancy.level**2) + square(own, kernel)
 
 
 def paints_covariance(

@@ -25,10 +25,10 @@ from ..film.errors import (
 from ..film.films import Instrument
 from ..film.optics import Optics
 from ..film.response import film_response
-from .fit import block_size, by_blocks, film_slopes
+from .fit import slopes_of
 from .result import NOBODY, Identification
 from .screen import paints_of
-from .search import CHUNK
+from .search import padded_size
 from .task import check_pigments, hiding
 from .two_coats import stack_slopes
 
@@ -95,16 +95,12 @@ def _slopes(
     response = film_response(instrument.geometry, instrument.refractive_index)
     ground = found.measured.grounds
     row = np.repeat(np.arange(len(found)), count)
-    flat = sets.reshape(len(row), -1), logs.reshape(len(row), -1)
-    size = block_size(found.measured.readings[0].size)
-    slopes = by_blocks(
-        len(row), size, lambda n: film_slopes(response, paints, *(jnp.asarray(a[n]) for a in (*flat, ground[row])))
-    )
+    slopes = slopes_of(response, paints, sets.reshape(len(row), -1), logs.reshape(len(row), -1), ground, row)
     slopes = slopes.reshape(*sets.shape[:2], *slopes.shape[1:])
     if (coats > 0).any():
         optics = Optics.of(instrument.geometry, instrument.refractive_index)
         # Few sizes, so that little is compiled.
-        some = np.resize(np.arange(len(found)), max(CHUNK, len(found))) if len(found) > 1 else np.arange(1)
+        some = np.resize(np.arange(len(found)), padded_size(len(found)) if len(found) > 1 else 1)
         films = (jnp.asarray(a[some]) for a in (sets, coats, logs, ground))
         stacks = np.asarray(stack_slopes(paints, *films, optics))[: len(found)]
         stacked = np.any(coats > 0, axis=-1, keepdims=True)

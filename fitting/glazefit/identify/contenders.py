@@ -24,7 +24,7 @@ from ..film.response import FilmResponse, film_response
 from .own_errors import near_sd
 from .result import NOBODY, Identification
 from .screen import Paints, paints_of
-from .search import CHUNK
+from .search import padded_size
 from .task import Measured, check_pigments, hiding
 
 LEAST_SHARE = 0.01
@@ -107,7 +107,7 @@ def find_contenders(
     readings = (measured.readings - discrepancy.gloss * surface).reshape(len(measured), -1)
     target = np.einsum("srt,st->sr", white, readings)
     # Few sizes, so that little is compiled.
-    padded = np.resize(np.arange(len(measured)), CHUNK if 1 < len(measured) < CHUNK else len(measured))
+    padded = np.resize(np.arange(len(measured)), padded_size(len(measured)) if len(measured) > 1 else 1)
     grounds, wanted, basis = (jnp.asarray(a[padded]) for a in (measured.grounds, target, white))
     spectra = grounds, wanted, basis
     sets, starts = (a[: len(measured)] for a in _starts(response, paints, spectra, max_paints, found.opaque))

@@ -34,8 +34,34 @@ class Effort(NamedTuple):
     single: bool
 
 
-USUAL = Effort(80, 40, 8.0, 6.0, 8.0, 0.005, 0.0005, 5, 8, 6, 8, True)
+USUAL = Effort(
+    pairs=80,
+    kept=40,
+    behind=8.0,
+    close=6.0,
+    shown=8.0,
+    trace=0.005,
+    moved=0.0005,
+    ranking=5,
+    own=8,
+    again=6,
+    near=8,
+    single=True,
+)
 """Told from `THOROUGH` by one first answer in a hundred or two, where several sets explain a film about as well
 (`python -m benchmarks.identification`)."""
-THOROUGH = Effort(10_000, 120, 20.0, 20.0, 20.0, 0.0, 0.0, 14, 14, 14, 14, False)
+THOROUGH = Effort(
+    pairs=10_000,
+    kept=120,
+    behind=20.0,
+    close=20.0,
+    shown=20.0,
+    trace=0.0,
+    moved=0.0,
+    ranking=14,
+    own=14,
+    again=14,
+    near=14,
+    single=False,
+)
 """Every pair is fitted, and all that may matter have errors of their own."""

@@ -35,10 +35,10 @@ class Weights(NamedTuple):
     target: Float[Array | np.ndarray, "readings"]  # without the mean surface
     basis: Float[Array | np.ndarray, "scales components readings"]  # components: as many as readings, or few that rank
     height: Float[Array | np.ndarray, "scales"]
-    spread: Float[Array | np.ndarray, ""]
-    concentration: Float[Array | np.ndarray, ""]
-    freedom: Float[Array | np.ndarray, ""]  # of Student's t; 0 for Gaussian errors
-    independent: Float[Array | np.ndarray, ""]  # readings that count as independent where errors follow Student's t
+    spread: Number
+    concentration: Number
+    freedom: Number  # of Student's t; 0 for Gaussian errors
+    independent: Number  # readings that count as independent where errors follow Student's t
 
 
 class Fitted(NamedTuple):
@@ -171,8 +171,7 @@ def fit_sets(
         sets, starts, ground, weights = spectrum
 
         def candidate(members: Array, start: Array) -> Fitted:
-            model = coat_model(response, paints.absorption[members], paints.scattering[members], ground)
-            return fit_one(model, start, members >= 0, weights, middle, steps)
+            return _fit_film(response, paints, members, start, ground, weights, middle, steps)
 
         return jax.vmap(candidate)(sets, starts)
 
@@ -196,10 +195,24 @@ def fit_films(
     """
 
     def candidate(members: Array, start: Array, ground: Array, weights: Weights) -> Fitted:
-        model = coat_model(response, paints.absorption[members], paints.scattering[members], ground)
-        return fit_one(model, start, members >= 0, weights, middle, steps)
+        return _fit_film(response, paints, members, start, ground, weights, middle, steps)
 
     return jax.vmap(candidate)(sets, starts, ground, weights)
+
+
+def _fit_film(
+    response: FilmResponse,
+    paints: Paints,
+    members: Array,
+    start: Array,
+    ground: Array,
+    weights: Weights,
+    middle: int,
+    steps: int | Array,
+) -> Fitted:
+    """Fit one candidate of one coat."""
+    model = coat_model(response, paints.absorption[members], paints.scattering[members], ground)
+    return fit_one(model, start, members >= 0, weights, middle, steps)
 
 
 @Program
@@ -225,6 +238,22 @@ def film_slopes(
         return slopes.reshape(slopes.shape[0], -1)
 
     return jax.vmap(film)(sets, logs, ground)
+
+
+def slopes_of(
+    response: FilmResponse,
+    paints: Paints,
+    sets: Int[np.ndarray, "films size"],
+    logs: Float[np.ndarray, "films size"],
+    grounds: Float[np.ndarray, "spectra grounds bands"],
+    row: Int[np.ndarray, "films"],
+) -> Float[np.ndarray, "films errors readings"]:
+    """`film_slopes` of any number of films, over the grounds of their spectra, which `row` numbers."""
+
+    def run(n: np.ndarray) -> Array:
+        return film_slopes(response, paints, *(jnp.asarray(a) for a in (sets[n], logs[n], grounds[row[n]])))
+
+    return by_blocks(len(sets), block_size(grounds[0].size), run)
 
 
 def by_blocks(count: int, block: int, run: Callable[[Int[np.ndarray, "block"]], Any]) -> Any:

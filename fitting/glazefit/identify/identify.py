@@ -93,6 +93,8 @@ def identify_chunks(
 
     largest, response = min(max_paints, len(known)), film_response(instrument.geometry, instrument.refractive_index)
     told, thick = grounds is None, hiding(prior, known)
+    errors = relative_errors(known, discrepancy), error_modes(known, discrepancy).astype(np.float32)
+    seen, optics = hardly_seen(known, prior.thickness), Optics.of(instrument.geometry, instrument.refractive_index)
 
     def task(opaque: bool) -> IdentificationTask:
         expected = thick if opaque else prior
@@ -100,15 +102,14 @@ def identify_chunks(
         return IdentificationTask(
             response,
             paints,
-            relative_errors(known, discrepancy),
-            error_modes(known, discrepancy).astype(np.float32),
+            *errors,
             measured.wavelengths,
-            Optics.of(instrument.geometry, instrument.refractive_index),
+            optics,
             instrument.seen_surface,
             noise,
             discrepancy,
             expected,
-            hardly_seen(known, prior.thickness),
+            seen,
             largest,
             layers,
             THOROUGH if thorough else USUAL,

@@ -14,13 +14,12 @@ from jaxtyping import Bool, Float, Int
 
 from ..film.errors import (
     Whitening,
-    further_covariance,
     model_covariance,
     noise_covariance,
     paints_covariance,
     whiten,
 )
-from .fit import Fitted, Weights, block_size, by_blocks, film_slopes, fit_films
+from .fit import Fitted, Weights, block_size, by_blocks, fit_films, slopes_of
 from .result import NOBODY, Pool
 from .task import IdentificationTask, Measured
 
@@ -230,7 +229,9 @@ def allowed(
         readings: of each film, without the surface.
         groups: of the films.
     """
-    free = stated_errors(task, groups.sets, groups.slopes)
+    # What the pigments say of their errors, and no more.
+    told = replace(task.discrepancy, coefficient=0.0, level=0.0)
+    free = paints_covariance(groups.slopes, groups.sets, task.errors, task.modes, task.wavelengths, told)
     free = free + fixed_errors(task, some, np.zeros_like(some.noise_sd))[groups.row]
     near = near_sd(some).reshape(len(some), -1)[groups.row] ** 2
     gain = free @ np.linalg.inv(free + near[..., None] * np.eye(near.shape[-1]))
@@ -240,20 +241,7 @@ def allowed(
 
 def _slopes_of(task: IdentificationTask, some: Measured, films: _Films) -> Float[np.ndarray, "films errors readings"]:
     """Slopes of films' readings by the log of every paint's k, then s."""
-
-    def run(n: np.ndarray) -> jnp.ndarray:
-        given = (jnp.asarray(a[n]) for a in (films.sets, films.logs, some.grounds[films.row]))
-        return film_slopes(task.response, task.paints, *given)
-
-    return by_blocks(len(films.row), block_size(some.readings[0].size), run)
-
-
-def stated_errors(
-    task: IdentificationTask, sets: Int[np.ndarray, "films size"], slopes: Float[np.ndarray, "films errors readings"]
-) -> Float[np.ndarray, "films readings readings"]:
-    """Covariance of readings from what the pigments say of their errors."""
-    told = replace(task.discrepancy, coefficient=0.0, level=0.0)
-    return paints_covariance(slopes, sets, task.errors, task.modes, task.wavelengths, told)
+    return slopes_of(task.response, task.paints, films.sets, films.logs, some.grounds, films.row)
 
 
 def own_errors(
@@ -268,8 +256,8 @@ def own_errors(
     off = d.amplitude + d.share * some.readings.reshape(len(some), -1)
     model = model_covariance(task.wavelengths, some.readings.shape[1], d, off)
     fixed = fixed_errors(task, some, some.noise_sd)
-    further = further_covariance(slopes, task.wavelengths, d)
-    return whiten(fixed[row], model[row] + stated_errors(task, sets, slopes) + further, d)
+    caused = paints_covariance(slopes, sets, task.errors, task.modes, task.wavelengths, d)
+    return whiten(fixed[row], model[row] + caused, d)
 
 
 def fixed_errors(

@@ -134,8 +134,8 @@ def search_chunk(
 
 
 def padded_size(count: int) -> int:
-    """Spectra that so many are fitted as."""
-    return next(size for size in (16, CHUNK) if count <= size)
+    """Spectra that so many are fitted as: 16, or whole chunks."""
+    return 16 if count <= 16 else CHUNK * -(-count // CHUNK)
 
 
 class _Ranking(NamedTuple):
@@ -146,8 +146,8 @@ class _Ranking(NamedTuple):
 
 
 def _ranking(task: IdentificationTask, some: Measured) -> _Ranking:
-    """Errors while candidates are ranked, in the components of the films over the first ground."""
-    project = task.films_over(some.grounds.mean(axis=0)).project
+    """Errors while candidates are ranked, in the components of films over a ground like the first."""
+    project = task.tables.like(some.grounds[0]).project
     weights = weights_of(task, _flat(some.readings), alike_errors(task, some, project))
     small = jax.tree.map(lambda a: jnp.asarray(np.asarray(a, np.float32)), (some.grounds, weights))
     return _Ranking(*small)

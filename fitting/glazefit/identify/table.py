@@ -152,6 +152,12 @@ class FilmTables:
         """Response and paints in single precision."""
         return jax.tree.map(lambda a: jnp.asarray(np.asarray(a, np.float32)), self._double)
 
+    def like(self, ground: Float[np.ndarray, "grounds bands"]) -> FilmTable:
+        """The table of those made whose ground is nearest to this one: its components serve other grounds too."""
+        with self._lock:
+            kept = [one for one in self._kept if one[0].shape == ground.shape]
+            return min(kept, key=lambda one: np.abs(one[0] - ground).max())[1]
+
     def over(
         self, ground: Float[np.ndarray, "grounds bands"], whitening: Callable[[int], Float[np.ndarray, "r r"]]
     ) -> FilmTable:
