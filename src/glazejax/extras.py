@@ -15,6 +15,13 @@ _EXTRAS = {
     "trimesh": ("trimesh", "scene"),
     "embreex": ("embreex", "scene"),
     "OpenEXR": ("OpenEXR", "scene"),
+    "xarray": ("xarray", "cube"),
+    "zarr": ("zarr", "cube"),
+    "dask": ("dask", "cube"),
+    "distributed": ("distributed", "cube"),
+    "h5netcdf": ("h5netcdf", "cube"),
+    "tifffile": ("tifffile", "cube"),
+    "PIL": ("pillow", "cube"),
     "mitsuba": ("mitsuba", "benchmark"),
 }
 
