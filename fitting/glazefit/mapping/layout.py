@@ -70,6 +70,6 @@ VARIABLES = (
     Variable("rmse", "float32", float("nan"), "1", "root mean square of measured less fitted reflectance"),
     Variable("true_colour", "uint8", 0, "", "sRGB under D65, 2 degrees", ("rgb",)),
 )
-"""All arrays of a map. `paint` counts the catalogue's paints, `place` the paints of a set, `rgb` red, green and blue."""
+"""All arrays of a map. `paint` counts the catalogue's paints, `place` those of a set, `rgb` red, green and blue."""
 
 BY_NAME = {variable.name: variable for variable in VARIABLES}
