@@ -96,11 +96,8 @@ class Painting:
             ValueError: rows that the painting has not.
         """
         number_of = {name: n for n, name in enumerate(self.names)}
-        size = (y1 - y0, self.shape[1])
-        found = {
-            name: np.full((*size, PLACES) if name in ("members", "coats", "amounts") else size, -(name == "members"), kind)
-            for name, kind in TRUTH.items()
-        }  # fmt: skip
+        found = {name: np.zeros(shape, TRUTH[name]) for name, shape in _truth_shapes(y1 - y0, self.shape[1]).items()}
+        found["members"][:] = -1
         for number, where, values in self._varied(y0, y1):
             region = REGIONS[number]
             parts = []
@@ -133,9 +130,18 @@ class Painting:
             yield int(number), where, values
 
 
+def _truth_shapes(lines: int, samples: int) -> dict[str, tuple[int, ...]]:
+    """Shapes of the arrays of the truth."""
+    placed = ("members", "coats", "amounts")
+    return {name: (lines, samples, PLACES) if name in placed else (lines, samples) for name in TRUTH}
+
+
 def painting(
-    shape: tuple[int, int] = (96, 128), bands: int | Float[np.ndarray, "bands"] = 60, seed: int = 0, noise: float = NOISE
-) -> Painting:  # fmt: skip
+    shape: tuple[int, int] = (96, 128),
+    bands: int | Float[np.ndarray, "bands"] = 60,
+    seed: int = 0,
+    noise: float = NOISE,
+) -> Painting:
     """A painting of the oils that ship, with two paints that are kept from the catalogue.
 
     Args:
@@ -263,13 +269,8 @@ def write_painting(
     (folder / "truth").mkdir(parents=True, exist_ok=True)
     lines, samples = painting.shape
     truth = {
-        name: np.lib.format.open_memmap(
-            folder / "truth" / f"{name}.npy",
-            "w+",
-            kind,
-            (lines, samples, PLACES) if name in ("members", "coats", "amounts") else (lines, samples),
-        )
-        for name, kind in TRUTH.items()
+        name: np.lib.format.open_memmap(folder / "truth" / f"{name}.npy", "w+", TRUTH[name], shape)
+        for name, shape in _truth_shapes(lines, samples).items()
     }
     rows = max(1, _VALUES // (samples * painting.wavelengths.size))
     with (folder / "painting.dat").open("wb") as file:

@@ -1,4 +1,4 @@
-"""What the example painting shows: which coats of which paints where, as smooth shapes that fit any number of pixels."""
+"""What the example painting shows: coats of paint in smooth shapes, which fit any number of pixels."""
 
 from typing import NamedTuple
 
