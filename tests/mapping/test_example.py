@@ -1,0 +1,119 @@
+"""The example painting: its spectra are the solver's, its truth is told, and blocks of any size hold the same."""
+
+import numpy as np
+import pytest
+
+from glazefit.mapping.example import FOREIGN, NOISE, painting, read_truth, write_painting
+from glazefit.mapping.scene import NUMBER, REGIONS
+from glazejax import Glaze, Hemispherical, Layer, Mixture, reflectance
+from glazejax.catalogue import family
+from glazejax.commands.options import read_ground
+from glazejax.io import read_cube
+
+GRID = np.linspace(400.0, 700.0, 13)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return painting((48, 64), GRID, seed=3)
+
+
+def test_pixels_are_what_the_solver_gives_for_their_truth(scene):
+    clear, truth = scene.rows(0, 48, noise=False), scene.truth(0, 48)
+    paints = (*scene.paints, *scene.foreign)
+    rng = np.random.default_rng(0)
+    worst = {}
+    for number in np.unique(truth["region"]):
+        ys, xs = np.nonzero(truth["region"] == number)
+        some = rng.choice(ys.size, 25)
+        ys, xs = ys[some], xs[some]
+        members, coats, amounts = (truth[name][ys, xs] for name in ("members", "coats", "amounts"))
+        # From the truth alone: paints and coats are the same all over a region, amounts differ.
+        layers = []
+        for coat in range(coats[0].max() + 1):
+            places = np.flatnonzero((coats[0] == coat) & (members[0] >= 0))
+            thick = amounts[:, places].astype(float)
+            medium = Mixture([paints[members[0, i]] for i in places], thick / thick.sum(axis=1, keepdims=True))
+            layers.append(Layer(medium, thick.sum(axis=1)))
+        exact = reflectance(Glaze(layers, scene.ground, 1.5), Hemispherical(8.0), tolerance=1e-7)
+        worst[REGIONS[number].name] = float(np.abs(np.asarray(exact) - clear[ys, xs]).max())
+    assert len(worst) > 15
+    assert max(worst.values()) < 1e-4, worst
+
+
+def test_blocks_of_any_size_hold_the_same_painting(scene):
+    whole, truth = scene.rows(0, 48), scene.truth(0, 48)
+    for start, end in ((0, 1), (1, 20), (20, 48)):
+        np.testing.assert_allclose(scene.rows(start, end), whole[start:end], rtol=0, atol=2e-6)
+        for name, values in scene.truth(start, end).items():
+            np.testing.assert_allclose(values, truth[name][start:end], rtol=1e-5)
+
+
+def test_noise_is_as_said_and_independent(scene):
+    noise = (scene.rows(0, 48) - scene.rows(0, 48, noise=False)).reshape(-1, GRID.size)
+    assert noise.std() == pytest.approx(NOISE, rel=0.02)
+    assert np.abs(np.corrcoef(noise.T) - np.eye(GRID.size)).max() < 0.08
+    assert np.abs(np.mean(noise[1:] * noise[:-1])) < 0.05 * NOISE**2
+    assert not np.array_equal(scene.rows(0, 48), painting((48, 64), GRID, seed=4).rows(0, 48))
+
+
+def test_no_two_pixels_are_alike(scene):
+    clear = scene.rows(0, 48, noise=False).reshape(-1, GRID.size)
+    assert len(np.unique(clear, axis=0)) == len(clear)
+
+
+def test_foreign_paints_have_no_relative_in_the_catalogue(scene):
+    known = {family(paint.name) for paint in scene.paints}
+    assert len(scene.paints) == 18
+    assert not known & {family(name) for name in FOREIGN}
+    truth = scene.truth(0, 48)
+    there = (truth["members"] >= len(scene.paints)).any(axis=-1)
+    np.testing.assert_array_equal(there, truth["foreign"])
+    assert scene.names[truth["members"][truth["region"] == NUMBER["foreign stroke"]][0, 0]] == FOREIGN[0]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_every_painting_has_all_regions_one_to_three_coats_and_some_foreign_paint(seed):
+    truth = painting((96, 128), 2, seed).truth(0, 96)
+    assert set(np.unique(truth["region"])) == set(range(len(REGIONS)))
+    assert set(np.unique(truth["coats"].max(axis=-1))) == {0, 1, 2}
+    assert 0.01 < truth["foreign"].mean() < 0.1
+    members = truth["members"].astype(int)
+    np.testing.assert_array_equal(members < 0, truth["amounts"] == 0)
+    # Ascending, with what is not there at the end.
+    assert (np.diff(np.where(members < 0, 99, members), axis=-1) >= 0).all()
+    assert 2e-6 < truth["amounts"].sum(axis=-1).min() < truth["amounts"].sum(axis=-1).max() < 1e-4
+
+
+@pytest.mark.parametrize(("dtype", "interleave", "off"), [("float32", "bil", 1e-6), ("uint16", "bip", 5.1e-5)])
+def test_a_written_painting_reads_as_it_was_made(scene, tmp_path, dtype, interleave, off):
+    told = []
+    header = write_painting(tmp_path, scene, dtype, interleave=interleave, told=lambda *n: told.append(n))
+    assert told[-1] == (48, 48)
+    cube = read_cube(header)
+    np.testing.assert_allclose(cube.wavelengths, GRID)
+    values = cube[:, :]
+    np.testing.assert_allclose(values, scene.rows(0, 48), rtol=0, atol=off)
+    for name, written in read_truth(tmp_path).items():
+        np.testing.assert_array_equal(written, scene.truth(0, 48)[name])
+    np.testing.assert_allclose(read_ground(str(tmp_path / "ground.csv")).on(GRID), scene.ground, atol=1e-6)
+    with pytest.raises(FileExistsError, match="is there already"):
+        write_painting(tmp_path, scene)
+
+
+def test_wrong_input_is_one_sentence(scene, tmp_path):
+    for wrong, words in (((0, 5), "0 x 5"), ((5,), "give .y, x.")):
+        with pytest.raises(ValueError, match=words):
+            painting(wrong)
+    with pytest.raises(ValueError, match="1 bands"):
+        painting(bands=1)
+    with pytest.raises(ValueError, match="noise is -0.1"):
+        painting(noise=-0.1)
+    with pytest.raises(ValueError, match="without guessing"):
+        painting(bands=np.array([300.0, 500.0]))
+    with pytest.raises(ValueError, match="rows 40 to 50"):
+        scene.rows(40, 50)
+    with pytest.raises(ValueError, match="not int8"):
+        write_painting(tmp_path, scene, "int8")
+    with pytest.raises(ValueError, match="not bsq"):
+        write_painting(tmp_path, scene, interleave="bsq")
