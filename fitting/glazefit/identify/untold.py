@@ -66,6 +66,7 @@ class AsIf(NamedTuple):
     """Films as they would be seen under a condition."""
 
     task: IdentificationTask
+    opaque: bool  # whether they hide their ground
     measured: Measured
     slope: Float[np.ndarray, "spectra grounds bands"]  # of these readings by those that were measured
 
@@ -80,19 +81,19 @@ def as_if(number: int, tasks: Mapping[bool, IdentificationTask], told: bool, mea
         measured: the spectra as they were measured.
     """
     condition = CONDITIONS[number]
-    task = tasks[told if condition.opaque is None else condition.opaque]
-    seen, slope = measured, np.ones_like(measured.readings)
+    opaque = told if condition.opaque is None else condition.opaque
+    task, seen, slope = tasks[opaque], measured, np.ones_like(measured.readings)
     if condition.ground is not None:
         seen = replace(seen, grounds=np.full_like(seen.grounds, condition.ground))
     if condition.varnish:
         seen, slope = bared(seen, task.response, task.surface, condition.varnish)
-    return AsIf(task, seen, slope)
+    return AsIf(task, opaque, seen, slope)
 
 
 def _under(number: int, tasks: Mapping[bool, IdentificationTask], told: bool, measured: Measured) -> Pool:
     """Candidates under one condition."""
     condition = CONDITIONS[number]
-    task, seen, slope = as_if(number, tasks, told, measured)
+    task, _, seen, slope = as_if(number, tasks, told, measured)
     pool = search(task, seen, np.arange(len(seen)), first_starts(task, seen))
 
     def coated(readings: np.ndarray) -> np.ndarray:
