@@ -140,6 +140,7 @@ def as_data_array(
     """
     raw, (y0, _, x0, _), (by, bx) = reading.raw, reading.window, reading.binning
     lines, samples, _ = reading.shape
+    dims = ("y", "x", "wavelength")
     about = {"units": "pixel", **raw.about_place}
     size = about.pop("pixel_size", (1.0, 1.0) if raw.y is None else None)
     places = {}
@@ -161,12 +162,16 @@ def as_data_array(
     if raw.top is not None:
         marked = reading.calibration is not None or attributes["binning"] != [1, 1, 1]
         attributes["saturated"] = np.inf if marked else (raw.top * raw.gain + raw.offset) / reading.scale
-    return xarray.DataArray(
-        xarray.Variable(("y", "x", "wavelength"), LazilyIndexedArray(LazyReflectance(reading))),
+    array = xarray.DataArray(
+        xarray.Variable(dims, LazilyIndexedArray(LazyReflectance(reading))),
         {**places, "wavelength": ("wavelength", wavelengths, {"units": "nm"})},
         name="reflectance",
         attrs=attributes,
     )
+    # What the file stores together, for those who choose the size of their windows.
+    sizes = zip(dims, raw.piece, attributes["binning"], strict=True)
+    array.encoding["preferred_chunks"] = {name: max(1, -(-size // each)) for name, size, each in sizes}
+    return array
 
 
 def _centres(own: Float[np.ndarray, "size"] | None, first: int, count: int, each: int) -> Float[np.ndarray, "count"]:
