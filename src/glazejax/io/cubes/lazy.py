@@ -8,7 +8,13 @@ import numpy as np
 import xarray
 from jaxtyping import Float, Int
 from xarray.backends import BackendArray
-from xarray.core.indexing import ExplicitIndexer, IndexingSupport, LazilyIndexedArray, explicit_indexing_adapter
+from xarray.core.indexing import (
+    ExplicitIndexer,
+    IndexingSupport,
+    LazilyIndexedArray,
+    VectorizedIndexer,
+    explicit_indexing_adapter,
+)
 
 from .calibration import Calibration
 from .raw import RawCube
@@ -56,7 +62,7 @@ class Reading:
             groups = self.bands[bands.start : bands.stop : bands.step]
             for part in self._strips(lines, len(samples) * self.binning[1] * groups.size):
                 values[part] = self._strip(lines[part], samples, groups)
-        return values[tuple(0 if isinstance(k, int | np.integer) else slice(None) for k in key)]
+        return np.asarray(values[tuple(0 if isinstance(k, int | np.integer) else slice(None) for k in key)])
 
     def _strips(self, lines: range, width: int) -> Iterator[slice]:
         """Parts of the lines that are read at a time: whole pieces of the file, and of bearable size."""
@@ -124,6 +130,12 @@ class LazyReflectance(BackendArray):
         self.dtype = np.dtype(np.float32)
 
     def __getitem__(self, key: ExplicitIndexer) -> np.ndarray:
+        if not isinstance(key, VectorizedIndexer):
+            # xarray does not take an empty part that runs backwards, nor an empty list.
+            parts = [(k, n) for k, n in zip(key.tuple, self.shape, strict=True) if not isinstance(k, int | np.integer)]
+            sizes = [len(range(n)[k]) if isinstance(k, slice) else k.size for k, n in parts]
+            if 0 in sizes:
+                return np.empty(sizes, self.dtype)
         return explicit_indexing_adapter(key, self.shape, IndexingSupport.BASIC, self.reading.take)
 
 
