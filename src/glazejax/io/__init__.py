@@ -4,6 +4,8 @@ Images of any size and kind are opened by `open_cube`.
 """
 
 from .cube import SpectraCube
+from .cubes.hashes import quick_source_hash
+from .cubes.places import Spot, read_mask, read_spot
 from .cubes.source import CubeSource, open_cube
 from .read import read_cube, read_spectra
 from .resample import resample
@@ -15,10 +17,14 @@ __all__ = [
     "CubeSource",
     "SpectraCube",
     "SpectraTable",
+    "Spot",
     "open_cube",
+    "quick_source_hash",
     "read_cube",
+    "read_mask",
     "read_sample",
     "read_spectra",
+    "read_spot",
     "resample",
     "write_spectra",
     "write_table",

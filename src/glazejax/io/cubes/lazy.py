@@ -8,7 +8,13 @@ import numpy as np
 import xarray
 from jaxtyping import Float, Int
 from xarray.backends import BackendArray
-from xarray.core.indexing import ExplicitIndexer, IndexingSupport, LazilyIndexedArray, explicit_indexing_adapter
+from xarray.core.indexing import (
+    ExplicitIndexer,
+    IndexingSupport,
+    LazilyIndexedArray,
+    VectorizedIndexer,
+    explicit_indexing_adapter,
+)
 
 from .calibration import Calibration
 from .raw import RawCube
@@ -56,7 +62,7 @@ class Reading:
             groups = self.bands[bands.start : bands.stop : bands.step]
             for part in self._strips(lines, len(samples) * self.binning[1] * groups.size):
                 values[part] = self._strip(lines[part], samples, groups)
-        return values[tuple(0 if isinstance(k, int | np.integer) else slice(None) for k in key)]
+        return np.asarray(values[tuple(0 if isinstance(k, int | np.integer) else slice(None) for k in key)])
 
     def _strips(self, lines: range, width: int) -> Iterator[slice]:
         """Parts of the lines that are read at a time: whole pieces of the file, and of bearable size."""
@@ -124,6 +130,12 @@ class LazyReflectance(BackendArray):
         self.dtype = np.dtype(np.float32)
 
     def __getitem__(self, key: ExplicitIndexer) -> np.ndarray:
+        if not isinstance(key, VectorizedIndexer):
+            # xarray does not take an empty part that runs backwards, nor an empty list.
+            parts = [(k, n) for k, n in zip(key.tuple, self.shape, strict=True) if not isinstance(k, int | np.integer)]
+            sizes = [len(range(n)[k]) if isinstance(k, slice) else k.size for k, n in parts]
+            if 0 in sizes:
+                return np.empty(sizes, self.dtype)
         return explicit_indexing_adapter(key, self.shape, IndexingSupport.BASIC, self.reading.take)
 
 
@@ -140,6 +152,7 @@ def as_data_array(
     """
     raw, (y0, _, x0, _), (by, bx) = reading.raw, reading.window, reading.binning
     lines, samples, _ = reading.shape
+    dims = ("y", "x", "wavelength")
     about = {"units": "pixel", **raw.about_place}
     size = about.pop("pixel_size", (1.0, 1.0) if raw.y is None else None)
     places = {}
@@ -161,12 +174,16 @@ def as_data_array(
     if raw.top is not None:
         marked = reading.calibration is not None or attributes["binning"] != [1, 1, 1]
         attributes["saturated"] = np.inf if marked else (raw.top * raw.gain + raw.offset) / reading.scale
-    return xarray.DataArray(
-        xarray.Variable(("y", "x", "wavelength"), LazilyIndexedArray(LazyReflectance(reading))),
+    array = xarray.DataArray(
+        xarray.Variable(dims, LazilyIndexedArray(LazyReflectance(reading))),
         {**places, "wavelength": ("wavelength", wavelengths, {"units": "nm"})},
         name="reflectance",
         attrs=attributes,
     )
+    # What the file stores together, for those who choose the size of their windows.
+    sizes = zip(dims, raw.piece, attributes["binning"], strict=True)
+    array.encoding["preferred_chunks"] = {name: max(1, -(-size // each)) for name, size, each in sizes}
+    return array
 
 
 def _centres(own: Float[np.ndarray, "size"] | None, first: int, count: int, each: int) -> Float[np.ndarray, "count"]:

@@ -123,8 +123,8 @@ def open_cube(
 
     Values are reflectance factors as fractions, float32, NaN where data are missing; they are read when they are asked
     for (``cube.isel(y=slice(0, 256)).values``), and only the part that is asked for. Wavelengths are nm and ascend;
-    bands that the file marks as bad are left out. Coordinates y and x are the file's own, or centres of pixels, 0.5, 1.5, ...
-    of the whole image, and say their unit and pixel size where the file does.
+    bands that the file marks as bad are left out. Coordinates y and x are the file's own, or centres of pixels (0.5,
+    1.5, ... of the whole image), and say their unit and pixel size where the file does.
 
     ``attrs`` has ``saturated``: a value at or above it is a detector's upper end. That is the largest number of an 8 or
     16 bit integer type by the scale; where the cube is calibrated or binned, a reading at the largest number becomes
