@@ -52,7 +52,7 @@ class MapStore:
             raise ValueError(f"{self.path} is no map of glazejax; name the folder that `glazejax map` wrote with --out")
         told = attrs["glazejax"]
         if told["format"] != _FORMAT:
-            raise ValueError(f"{self.path} is a map of format {told['format']}, written by another version of glazejax; "
+            raise ValueError(f"{self.path} is a map of format {told['format']}, written by another glazejax; "
                              f"this one reads format {_FORMAT}")  # fmt: skip
         self.shape: tuple[int, int] = (told["shape"][0], told["shape"][1])
         self.chunk: tuple[int, int] = (told["chunk"][0], told["chunk"][1])
