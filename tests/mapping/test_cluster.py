@@ -171,19 +171,21 @@ def test_workers_compute_in_the_precision_of_the_one_who_asks(tmp_path, client):
 
 def test_a_cluster_that_is_lost_ends_in_a_sentence(tmp_path, undisturbed):  # noqa: F811
     store = store_at(tmp_path / "map.zarr")
-    with distributed.LocalCluster(
-        n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None, silence_logs=60
-    ) as cluster:
-        with connected(cluster.scheduler_address, seconds=1) as client:
-            assert client is not None
-            assert client_in_scope() is None
+    with (
+        distributed.LocalCluster(
+            n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None, silence_logs=60
+        ) as cluster,
+        connected(cluster.scheduler_address, seconds=1) as client,
+    ):
+        assert client is not None
+        assert client_in_scope() is None
 
-            def told(window, maps):
-                if len(store.done()) == 3:
-                    cluster.close()
+        def told(window, maps):
+            if len(store.done()) == 3:
+                cluster.close()
 
-            with pytest.raises(ConnectionError, match="the dask cluster was lost"):
-                run_chunks(store, Toy(0.01), client, told)
+        with pytest.raises(ConnectionError, match="the dask cluster was lost"):
+            run_chunks(store, Toy(0.01), client, told)
     assert 3 <= len(store.done()) < 25
     dataset = open_map(store.path)
     for window in store.done():
@@ -197,15 +199,17 @@ def test_a_cluster_without_workers_ends_in_a_sentence(tmp_path, monkeypatch):
     with (
         distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=None, silence_logs=60) as cluster,
         distributed.Client(cluster, set_as_default=False) as client,
+        pytest.raises(RuntimeError, match="has no workers; start some"),
     ):
-        with pytest.raises(RuntimeError, match="has no workers; start some"):
-            finish(["a"], precision, KeyedResults(tmp_path), client)
+        finish(["a"], precision, KeyedResults(tmp_path), client)
 
 
 def test_no_scheduler_is_said_in_one_line():
-    with pytest.raises(ValueError, match="--scheduler tcp://127.0.0.1:1: no dask scheduler answers there") as found:
-        with connected("tcp://127.0.0.1:1", seconds=0.5):
-            pass
+    with (
+        pytest.raises(ValueError, match=r"--scheduler tcp://127\.0\.0\.1:1: no dask scheduler answers there") as found,
+        connected("tcp://127.0.0.1:1", seconds=0.5),
+    ):
+        pass
     assert "\n" not in str(found.value)
     with connected(None) as client:
         assert client is None
