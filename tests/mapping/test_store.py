@@ -202,6 +202,16 @@ def test_a_map_of_another_format_is_refused(tmp_path):
         open_map(store.path)
 
 
+def test_what_a_killed_run_left_half_written_is_taken_away(tmp_path):
+    store = store_at(tmp_path / "map.zarr")
+    left = [store.path / "misfit" / "c" / "0" / "0.1234.partial", store.path / ".glazejax" / "done" / "one.npz.part"]
+    left[0].parent.mkdir(parents=True)
+    for path in left:
+        path.write_bytes(b"half")
+    run_chunks(store, Toy())
+    assert not any(path.exists() for path in left)
+
+
 def test_two_runs_do_not_write_one_map(tmp_path):
     one, other = store_at(tmp_path / "map.zarr"), store_at(tmp_path / "map.zarr")
     with one.writing():
@@ -316,7 +326,7 @@ def test_a_run_killed_at_random_moments_ends_as_an_undisturbed_one(tmp_path, und
         assert run.stdout is not None
         assert run.stdout.readline() == b"begun\n"
         # A window is mostly written, not solved: some time after a mark the next one is being written.
-        wanted = kept + chance.randint(0, 6)
+        wanted = kept + chance.randint(0, 4)
         while len(list(marks.glob("*.npz"))) < wanted and run.poll() is None:
             time.sleep(0.002)
         time.sleep(chance.uniform(0.0, 0.05))
