@@ -1,4 +1,4 @@
-"""A solver that maps nothing real: numbers that depend on the window alone, so that runs can be compared bit for bit."""
+"""A solver that maps nothing real: numbers that depend on the window alone, to compare runs bit for bit."""
 
 import sys
 import time

@@ -1,10 +1,9 @@
-"""Work by keys, here or on a dask cluster: what is done is kept, so that an interrupted run goes on where it stopped."""
+"""Work by keys, here or on a dask cluster: what is done is kept, so that an interrupted run goes on."""
 
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
-from uuid import uuid4
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 from glazejax.extras import require
 
@@ -18,11 +17,6 @@ if TYPE_CHECKING:
 
 Result = TypeVar("Result")
 _Kept = TypeVar("_Kept", contravariant=True)
-
-# A worker computes one piece while the next waits for it; more would only fill memories.
-_IN_FLIGHT = 2
-_RETRIES = 3
-_PATIENCE = 60
 
 
 class Results(Protocol[_Kept]):
@@ -69,7 +63,13 @@ def finish(
     """
     done = into.done()
     todo = [key for key in keys if key not in done]
-    with closing(_here(todo, work) if client is None else _on_cluster(todo, work, client)) as results:
+    if client is None:
+        found = _here(todo, work)
+    else:
+        from .cluster import on_cluster
+
+        found = on_cluster(todo, work, client)
+    with closing(found) as results:
         for key, result in results:
             into.put(key, result)
             if told is not None:
@@ -156,83 +156,3 @@ def _here(todo: Iterable[str], work: Callable[[str], Result]) -> Generator[tuple
     """Results of keys, one after another."""
     for key in todo:
         yield key, work(key)
-
-
-def _on_cluster(
-    todo: Iterable[str], work: Callable[[str], Result], client: "Client"
-) -> Generator[tuple[str, Result], None, None]:
-    """Results of keys from a cluster, as they come; few are asked for at a time."""
-    import warnings
-
-    from distributed import CancelledError, KilledWorker, as_completed
-
-    waiting = iter(todo)
-    first = next(waiting, None)
-    if first is None:
-        return
-    try:
-        client.wait_for_workers(1, timeout=_PATIENCE)
-    except TimeoutError:
-        raise RuntimeError(f"the dask cluster at {client.scheduler.addr} has no workers; start some with `dask worker "
-                           f"{client.scheduler.addr}`") from None  # fmt: skip
-    token = f"glazejax-{uuid4().hex[:12]}"
-    with warnings.catch_warnings():
-        # The work goes to the scheduler once, so that it outlives every worker; dask would rather see it smaller.
-        warnings.simplefilter("ignore")
-        carried = client.submit(_ready, work, _precision(), key=f"{token}-work", retries=_RETRIES, pure=False)
-    names = {}
-    flying = as_completed(loop=client.loop)
-
-    def ask(key: str) -> None:
-        future = client.submit(_do, carried, key, key=f"{token}-{key}", retries=_RETRIES, pure=False)
-        names[future] = key
-        flying.add(future)
-
-    def fill() -> None:
-        room = _IN_FLIGHT * max(len(client.nthreads()), 1) - len(names)
-        # The count comes first: `zip` would take one key more than it gives.
-        for _, key in zip(range(room), waiting, strict=False):
-            ask(key)
-
-    try:
-        ask(first)
-        fill()
-        for future in flying:
-            key = names[future]
-            try:
-                result = future.result()
-            except KilledWorker:
-                raise RuntimeError(f"the dask workers that took on {key} died one after another: have they enough "
-                                   "memory? What is finished is kept, and the same run goes on") from None  # fmt: skip
-            except CancelledError:
-                raise ConnectionError("the dask cluster was lost or restarted; what is finished is kept, and the same "
-                                      "run goes on") from None  # fmt: skip
-            del names[future]
-            future.release()
-            yield key, result
-            del result
-            fill()
-    finally:
-        client.cancel([*names, carried])
-
-
-def _precision() -> bool | None:
-    """Whether JAX computes in double precision here; None if it is not used."""
-    import sys
-
-    return bool(sys.modules["jax"].config.jax_enable_x64) if "jax" in sys.modules else None
-
-
-def _ready(work: Any, precision: bool | None) -> tuple[Any, bool | None]:
-    return work, precision
-
-
-def _do(carried: tuple[Callable[[str], Result], bool | None], key: str) -> Result:
-    """One piece, on a worker, in the precision of the process that asked for it."""
-    work, precision = carried
-    if precision is not None:
-        import jax
-
-        if jax.config.jax_enable_x64 != precision:
-            jax.config.update("jax_enable_x64", precision)
-    return work(key)

@@ -5,12 +5,9 @@ there: `open_map` shows fill values in its place, and a run that goes on does it
 """
 
 import json
-import math
-import os
 import shutil
-import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,17 +16,14 @@ import numpy as np
 from glazejax.extras import require
 
 from .chunk import ChunkMaps, Members, SetSum, add_sets, add_tallies, pack, unpack
+from .fresh import FORMAT, KIND, WORK, lay_out, plain
 from .keyed import FULL, KeyedResults, sync, write_whole
-from .layout import BY_NAME, PLACES, STATUS_WORDS, VARIABLES, Status, Variable, Way
+from .layout import BY_NAME, PLACES, VARIABLES
 from .windows import Window, windows
 
 if TYPE_CHECKING:
     import xarray
     import zarr
-
-_KIND = "glazejax map"
-_FORMAT = 1
-_WORK = ".glazejax"
 
 
 class MapStore:
@@ -51,9 +45,9 @@ class MapStore:
         if attrs is None:
             raise ValueError(f"{self.path} is no map of glazejax; name the folder that `glazejax map` wrote with --out")
         told = attrs["glazejax"]
-        if told["format"] != _FORMAT:
-            raise ValueError(f"{self.path} is a map of format {told['format']}, written by another version of glazejax; "
-                             f"this one reads format {_FORMAT}")  # fmt: skip
+        if told["format"] != FORMAT:
+            raise ValueError(f"{self.path} is a map of format {told['format']}, written by another glazejax; "
+                             f"this one reads format {FORMAT}")  # fmt: skip
         self.shape: tuple[int, int] = (told["shape"][0], told["shape"][1])
         self.chunk: tuple[int, int] = (told["chunk"][0], told["chunk"][1])
         self.paints: tuple[str, ...] = tuple(attrs["paints"])
@@ -108,7 +102,7 @@ class MapStore:
             shutil.rmtree(left, ignore_errors=True)
         with _room(path, lambda: "nothing of the map was begun"):
             try:
-                _lay_out(new, shape, chunk, paints, wanted, attrs or {}, coords or {})
+                lay_out(new, shape, chunk, paints, wanted, attrs or {}, coords or {})
                 if path.exists():
                     path.replace(old)
                 new.replace(path)
@@ -130,7 +124,7 @@ class MapStore:
     @property
     def work(self) -> KeyedResults:
         """Results that a run keeps before and between windows."""
-        return KeyedResults(self.path / _WORK / "work")
+        return KeyedResults(self.path / WORK / "work")
 
     def windows(self) -> list[Window]:
         """All windows, row by row."""
@@ -202,7 +196,7 @@ class MapStore:
         if self._held:
             yield
             return
-        work = self.path / _WORK
+        work = self.path / WORK
         work.mkdir(exist_ok=True)
         with (work / "lock").open("w") as file:
             if not _locked(file.fileno()):
@@ -217,7 +211,7 @@ class MapStore:
 
     @property
     def _marks(self) -> Path:
-        return self.path / _WORK / "done"
+        return self.path / WORK / "done"
 
     def _writable(self) -> "zarr.Group":
         import zarr
@@ -283,34 +277,11 @@ def check_map(path: str | Path, *, overwrite: bool = False) -> bool:
     return True
 
 
-def plain(value: Any) -> Any:
-    """A value as JSON has it: paths as text, arrays and tuples as lists, what is not finite as text.
-
-    Raises:
-        TypeError: something that JSON has not.
-    """
-    if isinstance(value, Mapping):
-        return {str(name): plain(entry) for name, entry in value.items()}
-    if isinstance(value, np.ndarray | np.generic):
-        return plain(value.tolist())
-    if isinstance(value, list | tuple):
-        return [plain(entry) for entry in value]
-    if isinstance(value, set | frozenset):
-        return sorted(plain(entry) for entry in value)
-    if isinstance(value, float) and not math.isfinite(value):
-        return str(value)
-    if isinstance(value, Path):
-        return str(value)
-    if value is None or isinstance(value, str | int | float):
-        return value
-    raise TypeError(f"{value!r} cannot be kept as an attribute")
-
-
 def _attributes(path: Path) -> dict[str, Any] | None:
     """Attributes of the map in a folder; None if it holds none."""
     try:
         attrs = json.loads((path / "zarr.json").read_text(encoding="utf-8"))["attributes"]
-        return attrs if attrs["glazejax"]["kind"] == _KIND else None
+        return attrs if attrs["glazejax"]["kind"] == KIND else None
     except (OSError, ValueError, KeyError, TypeError):
         return None
 
@@ -351,64 +322,3 @@ def _locked(number: int) -> bool:
     except OSError:  # a network drive without locks
         return True
     return True
-
-
-def _lay_out(
-    path: Path,
-    shape: Sequence[int],
-    chunk: Sequence[int],
-    paints: Sequence[str],
-    options: Mapping[str, Any],
-    attrs: Mapping[str, Any],
-    coords: Mapping[str, tuple[np.ndarray, Mapping[str, Any]]],
-) -> None:
-    """Write an empty map."""
-    import zarr
-    from zarr.codecs import BloscCodec
-
-    about = {"kind": _KIND, "format": _FORMAT, "shape": list(shape), "chunk": list(chunk)}
-    whole = {"Conventions": "CF-1.11", **attrs, "glazejax": about, "paints": list(paints), "options": options}
-    group = zarr.create_group(path, attributes=plain(whole))
-    sizes = {"paint": len(paints), "place": PLACES, "rgb": 3}
-    packed = BloscCodec(cname="zstd", clevel=1, shuffle="shuffle")
-    for variable in VARIABLES:
-        further = [sizes[dim] for dim in variable.further]
-        group.create_array(
-            variable.name,
-            shape=(*shape, *further),
-            chunks=(*chunk, *further),
-            dtype=variable.dtype,
-            fill_value=variable.fill if np.dtype(variable.dtype).kind == "f" else int(variable.fill),
-            compressors=packed,
-            dimension_names=["y", "x", *variable.further],
-            attributes=_words(variable),
-        )
-    for name, length in zip(("y", "x"), shape, strict=True):
-        values, told = coords.get(name, (np.arange(length) + 0.5, {"units": "pixels"}))
-        group.create_array(name, data=np.asarray(values), dimension_names=[name], attributes=plain(dict(told)))
-    names = group.create_array("paint", shape=len(paints), chunks=max(len(paints), 1), dtype=str,
-                               dimension_names=["paint"])  # fmt: skip
-    names[:] = np.array([*paints], dtype=object)
-    with warnings.catch_warnings():
-        # zarr warns that others may not know this list of arrays; without it readers complain of the marks' folder.
-        warnings.simplefilter("ignore")
-        zarr.consolidate_metadata(group.store)
-    (path / _WORK / "done").mkdir(parents=True)
-    for folder, _, files in os.walk(path):
-        for file in files:
-            sync(Path(folder, file))
-    with suppress(OSError):
-        sync(path)
-
-
-def _words(variable: Variable) -> dict[str, Any]:
-    """Attributes of an array, by the conventions CF."""
-    told: dict[str, Any] = {"long_name": variable.words}
-    if variable.unit:
-        told["units"] = variable.unit
-    flags = {"status": Status, "way": Way}.get(variable.name)
-    if flags is not None:
-        words = [STATUS_WORDS[flag] if isinstance(flag, Status) else flag.name.lower() for flag in flags]
-        told["flag_values"] = [int(flag) for flag in flags]
-        told["flag_meanings"] = " ".join(word.replace(" ", "_") for word in words)
-    return told
