@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 MOST = (1600, 1200)
 """Rows and columns of the largest picture that is shown."""
 
-# A paint's own map may have fewer: there is one for each paint.
-_PAINT_PARTS = 2
+# A paint's own map may have fewer: there are two for each paint.
+_PAINT_WIDTH = 640
 # Pixels looked at together, for memory.
 _PIXELS = 2**20
 _MEANS = ("probability", "none", "thickness", "thickness_sd", "misfit", "rmse")
@@ -33,6 +33,7 @@ class Overview:
     Attributes:
         shape: (y, x) of the map.
         step: so many pixels a side are one of the pictures.
+        coarse: the same in pictures of single paints.
         paints: their names, by number.
         status: pixels of each status.
         ways: pixels answered in each way.
@@ -49,6 +50,7 @@ class Overview:
 
     shape: tuple[int, int]
     step: int
+    coarse: int
     paints: tuple[str, ...]
     status: dict[Status, int]
     ways: dict[Way, int]
@@ -109,14 +111,15 @@ def overview(dataset: "xr.Dataset", most: tuple[int, int] = MOST) -> Overview:
         raise ValueError(f"this is no map of paints: it lacks {', '.join(sorted(set(lacking)))}")
     height, width = dataset.sizes["y"], dataset.sizes["x"]
     step = max(1, -(-height // most[0]), -(-width // most[1]))
+    coarse = 2 * step if width > step * _PAINT_WIDTH else step
     paints = tuple(str(name) for name in dataset["paint"].values)
     look = Overview(
-        (height, width), step, paints, {}, {}, {}, {}, *(np.zeros((0, 0, len(paints))),) * 3, {},
+        (height, width), step, coarse, paints, {}, {}, {}, {}, *(np.zeros((0, 0, len(paints))),) * 3, {},
         np.zeros((0, 0, 3), np.uint8), np.zeros(len(paints), int), np.zeros(len(paints), int),
         pixel_area=pixel_area(dataset),
     )  # fmt: skip
     kept: dict[str, list[np.ndarray]] = {}
-    for block in _blocks(dataset, step * _PAINT_PARTS):
+    for block in _blocks(dataset, look.coarse):
         _count(look, block)
         for name, part in _parts(look, block).items():
             kept.setdefault(name, []).append(part)
@@ -186,7 +189,7 @@ def _count(look: Overview, block: Mapping[str, np.ndarray]) -> None:
 
 def _parts(look: Overview, block: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
     """A block's share of the pictures."""
-    step, coarse = look.step, look.step * _PAINT_PARTS
+    step, coarse = look.step, look.coarse
     mapped = block["status"] == Status.MAPPED
     found = {f"mean_{name}": square_means(np.where(mapped, block[name], np.nan), step) for name in _MEANS}
     there = mapped & (block["explained"] > 0)
@@ -194,8 +197,10 @@ def _parts(look: Overview, block: Mapping[str, np.ndarray]) -> dict[str, np.ndar
     ys, xs, places = np.nonzero((block["members"] >= 0) & there[..., None])
     share[ys, xs, block["members"][ys, xs, places]] = block["fraction"][ys, xs, places]
     share[~there] = np.nan
+    # Nothing of a paint is nothing however thick the film is.
+    amount = np.where(share == 0, 0.0, share * block["thickness"][..., None])
     found["paint_share"] = square_means(share, coarse)
-    found["paint_amount"] = square_means(share * block["thickness"][..., None], coarse)
+    found["paint_amount"] = square_means(amount, coarse)
     found["paint_probability"] = square_means(np.where(mapped[..., None], block["paint_probability"], np.nan), coarse)
     found["colour"] = square_means(block["true_colour"].astype(np.float32), step)
     for name in _EXAMPLES:

@@ -159,7 +159,7 @@ def page(
         "Black line and grey band: mean reflectance of the pixels and one standard deviation of their spread; dashed: "
         "mean of their fits.</p>\n" + sets_table(look, sets, grid)
     )
-    yield "<h2>How sure, how thick, how well it fits</h2>\n"
+    yield "<h2>How sure, how thick, how well it fits</h2>\n<p>Grey: not mapped, or not known.</p>\n"
     yield '<div class="maps">\n' + "".join(_number_figure(look, each) for each in numbers) + "</div>\n"
     yield "<h2>Paints</h2>\n" + paints_table(look)
     if paints:

@@ -38,7 +38,7 @@ def share_html(count: float, of: float) -> str:
 
 def area_html(count: int, look: Overview) -> str:
     """An area in cm2, if the size of a pixel is known."""
-    return "" if look.pixel_area is None else f"{count * look.pixel_area * 1e4:.4g}"
+    return "" if look.pixel_area is None else f"{count * look.pixel_area * 1e4:.3g}"
 
 
 def sets_table(look: Overview, sums: Mapping[Members, Sums], grid: Float[np.ndarray, "bands"]) -> str:

@@ -29,8 +29,8 @@ OTHERS = "#c9bfb1"
 """Colour of all further sets."""
 STRIPES = ("#8a8a8a", "#f2f2f2")
 """Stripes where no set of the catalogue explains a pixel."""
-BLANK = "#ffffff"
-"""Colour of what was not mapped."""
+BLANK, UNKNOWN = "#ffffff", "#c4c4c4"
+"""Colour of what was not mapped in the legend map, and where a number is not known in its map."""
 
 # Pictures below this width are shown with larger squares.
 _LEAST_WIDTH = 640
@@ -107,11 +107,11 @@ def numbers_of(look: Overview) -> list[MapPicture]:
     return [
         MapPicture("probability", "How sure: probability of the most probable set",
                    "Low where several sets explain a pixel about as well.", means["probability"],
-                   Scale("cividis", 0.0, 1.0)),
+                   Scale("viridis", 0.0, 1.0)),
         MapPicture("none", "None of these paints", "Probability that no paints of the catalogue explain a pixel.",
-                   means["none"], Scale("cividis", 0.0, 1.0)),
-        MapPicture("thickness", "Thickness of all coats", "White where the film hides its ground: there a reading "
-                   "does not tell the thickness.", thick, Scale("viridis", 0.0, top, "µm")),
+                   means["none"], Scale("viridis", 0.0, 1.0)),
+        MapPicture("thickness", "Thickness of all coats", "Grey where it is not known: the film hides its ground, "
+                   "or no paints explain it.", thick, Scale("viridis", 0.0, top, "µm")),
         MapPicture("thickness_sd", "Thickness: its standard deviation", "How well the thickness is known, if the film "
                    "is of these paints.", means["thickness_sd"] * 1e6,
                    Scale("viridis", 0.0, _top(means["thickness_sd"] * 1e6, 98.0, 0.1), "µm")),
@@ -128,7 +128,7 @@ def paint_pictures(look: Overview, paint: int) -> list[MapPicture]:
     name = look.paints[paint]
     found = [
         MapPicture(f"{_file(name)}_probability", f"{name}: probability", "", look.paint_probability[..., paint],
-                   Scale("cividis", 0.0, 1.0)),
+                   Scale("magma_r", 0.0, 1.0)),
     ]  # fmt: skip
     amount = look.paint_amount[..., paint] * 1e6
     share = look.paint_share[..., paint]
@@ -136,12 +136,12 @@ def paint_pictures(look: Overview, paint: int) -> list[MapPicture]:
         unknown = np.sum(np.isnan(amount) & (share > 0)) > 0.5 * np.sum(share > 0)
     if unknown:
         found.append(
-            MapPicture(f"{_file(name)}_share", f"{name}: share by mass", "", share, Scale("viridis", 0.0, 1.0))
+            MapPicture(f"{_file(name)}_share", f"{name}: share by mass", "", share, Scale("magma_r", 0.0, 1.0))
         )
     else:
         top = _top(np.where(amount > 0, amount, np.nan), 98.0, 0.1)
         found.append(
-            MapPicture(f"{_file(name)}_amount", f"{name}: amount", "", amount, Scale("viridis", 0.0, top, "µm"))
+            MapPicture(f"{_file(name)}_amount", f"{name}: amount", "", amount, Scale("magma_r", 0.0, top, "µm"))
         )
     return found
 
@@ -153,14 +153,14 @@ def found_paints(look: Overview, least: float = 0.0005) -> list[int]:
 
 
 def coloured(shown: MapPicture) -> RGB:
-    """A number as a picture; white where there is none."""
+    """A number as a picture; grey where there is none."""
     require("matplotlib")
     from matplotlib import colormaps
 
     scale = shown.scale
     values = np.nan_to_num((shown.values - scale.low) / max(scale.high - scale.low, 1e-30))
     found = (colormaps[scale.colours](np.clip(values, 0, 1))[..., :3] * 255.0).round().astype(np.uint8)
-    found[~np.isfinite(shown.values)] = _rgb(BLANK)
+    found[~np.isfinite(shown.values)] = _rgb(UNKNOWN)
     return enlarged(found)
 
 
