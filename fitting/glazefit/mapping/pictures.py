@@ -18,14 +18,15 @@ if TYPE_CHECKING:
     import xarray as xr
 
 LEGEND = (
-    "#cc6677", "#332288", "#ddcc77", "#117733", "#88ccee", "#882255", "#e69f00", "#44aa99", "#aa4499", "#999933",
-    "#d55e00", "#6699cc", "#661100", "#f7c6d9", "#00384d",
+    "#cc6677", "#332288", "#ddcc77", "#117733", "#88ccee", "#e69f00", "#8668e1", "#2b0d0d", "#864968", "#a486a4",
+    "#680de1", "#c2ffc2", "#e12b49", "#0d490d", "#0d0d2b",
 )  # fmt: skip
-"""Colours of sets in the legend map, the largest first; they differ for people who see few colours, too.
+"""Colours of sets in the legend map, the largest set's first; no two are near for people who see few colours, either.
 
-Source: P. Tol, Colour Schemes (2021), muted; M. Okabe and K. Ito (2008); the rest chosen to be far from these.
+Source: the first from P. Tol, Colour Schemes (2021), muted, and M. Okabe and K. Ito (2008); each further one is the
+colour farthest from all before it by CIEDE2000, as seen with three, or two kinds of cones (Machado et al. 2009).
 """
-OTHERS = "#c9bfb1"
+OTHERS = "#b8b3bb"
 """Colour of all further sets."""
 STRIPES = ("#8a8a8a", "#f2f2f2")
 """Stripes where no set of the catalogue explains a pixel."""
