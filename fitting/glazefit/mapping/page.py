@@ -195,7 +195,7 @@ def _summary(look: Overview) -> str:
     table = (
         '<div class="scroll"><table class="amounts">\n<thead><tr><th>Pixels</th><th class="n">Number</th>'
         f'<th class="n">Share</th></tr></thead>\n<tbody>\n{rows}</tbody></table></div>\n'
-        if len(look.status) > 1
+        if set(look.status) != {Status.MAPPED}
         else ""
     )
     undone = look.status.get(Status.UNDONE, 0)
