@@ -107,7 +107,7 @@ def test_wrong_input_is_one_sentence(scene, tmp_path):
             painting(wrong)
     with pytest.raises(ValueError, match="1 bands"):
         painting(bands=1)
-    with pytest.raises(ValueError, match="noise is -0.1"):
+    with pytest.raises(ValueError, match=r"noise is -0\.1"):
         painting(noise=-0.1)
     with pytest.raises(ValueError, match="without guessing"):
         painting(bands=np.array([300.0, 500.0]))

@@ -1,0 +1,225 @@
+"""A map seen from afar: counts of every pixel, and arrays small enough to look at, in one pass over the store."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Bool, Float, Int, UInt8
+
+from .layout import STATUS_WORDS, Status, Way
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+MOST = (1600, 1200)
+"""Rows and columns of the largest picture that is shown."""
+
+# A paint's own map may have fewer: there are two for each paint.
+_PAINT_WIDTH = 640
+# Pixels looked at together, for memory.
+_PIXELS = 2**20
+_MEANS = ("probability", "none", "thickness", "thickness_sd", "misfit", "rmse")
+_EXAMPLES = ("members", "coats", "fraction", "explained", "probability", "thickness", "status")
+
+Members = tuple[int, ...]
+
+
+@dataclass
+class Overview:
+    """What pictures and pages of a map are made from.
+
+    Attributes:
+        shape: (y, x) of the map.
+        step: so many pixels a side are one of the pictures.
+        coarse: the same in pictures of single paints.
+        paints: their names, by number.
+        status: pixels of each status.
+        ways: pixels answered in each way.
+        sets: pixels of each set, by its members ascending; () where nothing in the catalogue explains them.
+        means: by name, (rows, columns), means over the mapped pixels of each square; NaN where there are none.
+        paint_probability, paint_amount, paint_share: (rows, columns, paints), coarser means; amount in m.
+        examples: by name, (rows, columns, ...), the pixel in the middle of each square.
+        colour: true colour, (rows, columns, 3).
+        likely: of each paint, pixels that have it with a probability above one half.
+        in_set: of each paint, pixels whose most probable set has it.
+        in_two_coats: of each set, pixels in which its paints lie in more than one coat.
+        pixel_area: of one pixel, m2, or None if the map does not say.
+    """
+
+    shape: tuple[int, int]
+    step: int
+    coarse: int
+    paints: tuple[str, ...]
+    status: dict[Status, int]
+    ways: dict[Way, int]
+    sets: dict[Members, int]
+    means: dict[str, Float[np.ndarray, "rows columns"]]
+    paint_probability: Float[np.ndarray, "r c paints"]
+    paint_amount: Float[np.ndarray, "r c paints"]
+    paint_share: Float[np.ndarray, "r c paints"]
+    examples: dict[str, np.ndarray]
+    colour: UInt8[np.ndarray, "rows columns 3"]
+    likely: Int[np.ndarray, "paints"]
+    in_set: Int[np.ndarray, "paints"]
+    in_two_coats: dict[Members, int] = field(default_factory=dict)
+    pixel_area: float | None = None
+
+    @property
+    def mapped(self) -> int:
+        """Pixels that were mapped."""
+        return self.status.get(Status.MAPPED, 0)
+
+    @property
+    def explained(self) -> int:
+        """Pixels that a set of the catalogue explains."""
+        return sum(count for members, count in self.sets.items() if members)
+
+    @cached_property
+    def ranked(self) -> list[Members]:
+        """Sets by their area, largest first, without the one that is none."""
+        return sorted((members for members in self.sets if members), key=lambda m: (-self.sets[m], m))
+
+    def words(self, members: Members) -> str:
+        """Names of a set's paints."""
+        return " + ".join(self.paints[member] for member in members) or "none of these paints"
+
+    def where(self, members: Members) -> Bool[np.ndarray, "rows columns"]:
+        """Which pixels of `examples` have a set."""
+        wanted = (*members, *([-1] * (self.examples["members"].shape[-1] - len(members))))
+        mapped = self.examples["status"] == Status.MAPPED
+        known = self.examples["explained"] > 0
+        if not members:
+            return mapped & ~known
+        return mapped & known & (self.examples["members"] == np.asarray(wanted)).all(axis=-1)
+
+
+def overview(dataset: "xr.Dataset", most: tuple[int, int] = MOST) -> Overview:
+    """Look at a map, some rows at a time, so that memory stays small whatever its size.
+
+    Args:
+        dataset: variables of `layout.VARIABLES`, coordinate `paint` with their names.
+        most: rows and columns of the largest picture.
+
+    Raises:
+        ValueError: the dataset lacks a variable of a map.
+    """
+    lacking = [name for name in ("status", "way", "paint_probability", "true_colour", *_MEANS, *_EXAMPLES)
+               if name not in dataset]  # fmt: skip
+    if lacking:
+        raise ValueError(f"this is no map of paints: it lacks {', '.join(sorted(set(lacking)))}")
+    height, width = dataset.sizes["y"], dataset.sizes["x"]
+    step = max(1, -(-height // most[0]), -(-width // most[1]))
+    coarse = 2 * step if width > step * _PAINT_WIDTH else step
+    paints = tuple(str(name) for name in dataset["paint"].values)
+    look = Overview(
+        (height, width), step, coarse, paints, {}, {}, {}, {}, *(np.zeros((0, 0, len(paints))),) * 3, {},
+        np.zeros((0, 0, 3), np.uint8), np.zeros(len(paints), int), np.zeros(len(paints), int),
+        pixel_area=pixel_area(dataset),
+    )  # fmt: skip
+    kept: dict[str, list[np.ndarray]] = {}
+    for block in _blocks(dataset, look.coarse):
+        _count(look, block)
+        for name, part in _parts(look, block).items():
+            kept.setdefault(name, []).append(part)
+    whole = {name: np.concatenate(parts) for name, parts in kept.items()}
+    look.means = {name: whole[f"mean_{name}"] for name in _MEANS}
+    look.examples = {name: whole[name] for name in _EXAMPLES}
+    look.colour = np.clip(np.rint(whole["colour"]), 0, 255).astype(np.uint8)
+    for name in ("paint_probability", "paint_amount", "paint_share"):
+        setattr(look, name, whole[name])
+    look.status = {status: count for status, count in look.status.items() if count}
+    return look
+
+
+def pixel_area(dataset: "xr.Dataset") -> float | None:
+    """Area of a pixel in m2 by the coordinates y and x, or None where they have no unit of length."""
+    metres = {"m": 1.0, "metre": 1.0, "meter": 1.0, "metres": 1.0, "meters": 1.0, "cm": 1e-2, "mm": 1e-3,
+              "um": 1e-6, "µm": 1e-6}  # fmt: skip
+    area = 1.0
+    for name in ("y", "x"):
+        if name not in dataset.coords or dataset.sizes[name] < 2:
+            return None
+        unit = metres.get(str(dataset[name].attrs.get("units", "")).lower())
+        if unit is None:
+            return None
+        first, second = np.asarray(dataset[name].isel({name: slice(0, 2)}), float)
+        area *= abs(second - first) * unit
+    return area
+
+
+def _blocks(dataset: "xr.Dataset", step: int) -> Iterator[dict[str, np.ndarray]]:
+    names = {"way", "paint_probability", "true_colour", *_MEANS, *_EXAMPLES}
+    rows = max(1, _PIXELS // (step * dataset.sizes["x"])) * step
+    for y in range(0, dataset.sizes["y"], rows):
+        part = dataset.isel(y=slice(y, y + rows))
+        block = {name: np.asarray(part[name].values) for name in names}
+        # Paints of a set by number, whatever order the map has them in.
+        members = block["members"].astype(np.int64)
+        order = np.argsort(np.where(members < 0, np.iinfo(np.int64).max, members), axis=-1, kind="stable")
+        for name in ("members", "coats", "fraction"):
+            block[name] = np.take_along_axis(block[name], order, axis=-1)
+        yield block
+
+
+def _count(look: Overview, block: Mapping[str, np.ndarray]) -> None:
+    """Add the pixels of a block to the counts."""
+    for status in STATUS_WORDS:
+        look.status[status] = look.status.get(status, 0) + int(np.sum(block["status"] == status))
+    mapped = block["status"] == Status.MAPPED
+    for way in Way:
+        count = int(np.sum(mapped & (block["way"] == way)))
+        if count:
+            look.ways[way] = look.ways.get(way, 0) + count
+    members = np.where((block["explained"] > 0)[..., None], block["members"], -1)[mapped].astype(np.int64)
+    coats = block["coats"][mapped]
+    count = len(look.paints)
+    key = ((members + 1) * (count + 1) ** np.arange(members.shape[-1])).sum(axis=-1)
+    stacked = np.where(members >= 0, coats, 0).max(axis=-1, initial=0) > 0
+    _, first, which = np.unique(key, return_index=True, return_inverse=True)
+    for n, at in enumerate(first):
+        found = tuple(int(member) for member in members[at] if member >= 0)
+        there = which == n
+        look.sets[found] = look.sets.get(found, 0) + int(there.sum())
+        look.in_two_coats[found] = look.in_two_coats.get(found, 0) + int(stacked[there].sum())
+        look.in_set[list(found)] += int(there.sum())
+    look.likely += np.sum(np.nan_to_num(block["paint_probability"])[mapped] > 0.5, axis=0)
+
+
+def _parts(look: Overview, block: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """A block's share of the pictures."""
+    step, coarse = look.step, look.coarse
+    mapped = block["status"] == Status.MAPPED
+    found = {f"mean_{name}": square_means(np.where(mapped, block[name], np.nan), step) for name in _MEANS}
+    there = mapped & (block["explained"] > 0)
+    share = np.zeros((*mapped.shape, len(look.paints)), np.float32)
+    ys, xs, places = np.nonzero((block["members"] >= 0) & there[..., None])
+    share[ys, xs, block["members"][ys, xs, places]] = block["fraction"][ys, xs, places]
+    share[~there] = np.nan
+    # Nothing of a paint is nothing however thick the film is.
+    amount = np.where(share == 0, 0.0, share * block["thickness"][..., None])
+    found["paint_share"] = square_means(share, coarse)
+    found["paint_amount"] = square_means(amount, coarse)
+    found["paint_probability"] = square_means(np.where(mapped[..., None], block["paint_probability"], np.nan), coarse)
+    found["colour"] = square_means(block["true_colour"].astype(np.float32), step)
+    for name in _EXAMPLES:
+        # The last square of a row or column may be cut off before its middle.
+        rows = np.minimum(np.arange(0, mapped.shape[0], step) + step // 2, mapped.shape[0] - 1)
+        columns = np.minimum(np.arange(0, mapped.shape[1], step) + step // 2, mapped.shape[1] - 1)
+        found[name] = block[name][np.ix_(rows, columns)]
+    return found
+
+
+def square_means(values: Float[np.ndarray, "y x *more"], step: int) -> Float[np.ndarray, "rows columns *more"]:
+    """Means over squares of so many pixels a side, NaN left out; those at the edges may be smaller."""
+    if step == 1:
+        return np.asarray(values, np.float32)
+    known = np.isfinite(values)
+    total = np.where(known, values, 0.0).astype(np.float32)
+    counts = known.astype(np.float32)
+    for axis in (0, 1):
+        starts = np.arange(0, values.shape[axis], step)
+        total, counts = np.add.reduceat(total, starts, axis=axis), np.add.reduceat(counts, starts, axis=axis)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return np.where(counts > 0, total / counts, np.nan).astype(np.float32)

@@ -1,0 +1,328 @@
+"""Pictures of a map: true colour, legend of sets, and a coloured picture of each number, for pages and as PNG files."""
+
+import io
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float, UInt8
+
+from glazejax.extras import require
+from glazejax.plots import FAINT, INK, hex_colour, picture
+
+from .layout import Status
+from .overview import Members, Overview
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+LEGEND = (
+    "#cc6677", "#332288", "#ddcc77", "#117733", "#88ccee", "#e69f00", "#8668e1", "#2b0d0d", "#864968", "#a486a4",
+    "#680de1", "#c2ffc2", "#e12b49", "#0d490d", "#0d0d2b",
+)  # fmt: skip
+"""Colours of sets in the legend map, the largest set's first; no two are near for people who see few colours, either.
+
+Source: the first from P. Tol, Colour Schemes (2021), muted, and M. Okabe and K. Ito (2008); each further one is the
+colour farthest from all before it by CIEDE2000, as seen with three, or two kinds of cones (Machado et al. 2009).
+"""
+OTHERS = "#b8b3bb"
+"""Colour of all further sets."""
+STRIPES = ("#8a8a8a", "#f2f2f2")
+"""Stripes where no set of the catalogue explains a pixel."""
+BLANK, UNKNOWN = "#ffffff", "#c4c4c4"
+"""Colour of what was not mapped in the legend map, and where a number is not known in its map."""
+
+# Pictures below this width are shown with larger squares.
+_LEAST_WIDTH = 640
+_STRIPE = 4
+RGB = UInt8[np.ndarray, "rows columns 3"]
+
+
+class Scale(NamedTuple):
+    """How a number becomes a colour."""
+
+    colours: str  # a colour map of matplotlib
+    low: float
+    high: float
+    unit: str = ""
+
+
+class MapPicture(NamedTuple):
+    """One number over the picture."""
+
+    key: str
+    title: str
+    words: str
+    values: Float[np.ndarray, "rows columns"]
+    scale: Scale
+
+
+def legend_sets(look: Overview) -> list[Members]:
+    """The sets that have a colour of their own, largest first."""
+    return look.ranked[: len(LEGEND)]
+
+
+def legend_map(look: Overview) -> RGB:
+    """Sets by colour; stripes where nothing in the catalogue explains a pixel, white where none was mapped."""
+    status = look.examples["status"]
+    found = np.full((*status.shape, 3), _rgb(BLANK), np.uint8)
+    found[(status == Status.MAPPED) & (look.examples["explained"] > 0)] = _rgb(OTHERS)
+    for members, colour in zip(legend_sets(look), LEGEND, strict=False):
+        found[look.where(members)] = _rgb(colour)
+    found, none = enlarged(found), enlarged(look.where(()))
+    down, across = np.indices(none.shape)
+    stripes = np.array([_rgb(stripe) for stripe in STRIPES], np.uint8)[(down + across) // _STRIPE % 2]
+    found[none] = stripes[none]
+    return found
+
+
+def legend_places(look: Overview) -> dict[Members, tuple[float, float]]:
+    """Where the number of each set of the legend stands: x and y from 0 to 1, in the middle of its densest part."""
+    found = {}
+    for members in legend_sets(look):
+        there = look.where(members)
+        if not there.any():
+            continue
+        # Means over squares are dense in the midst of an area, whatever its outline.
+        size = max(3, min(there.shape) // 12) // 2
+        density = np.where(there, _box(there, size) + 1e-3 * _box(there, 3 * size), -1.0)
+        y, x = np.unravel_index(int(density.argmax()), there.shape)
+        found[members] = ((x + 0.5) / there.shape[1], (y + 0.5) / there.shape[0])
+    return found
+
+
+def _box(there: Bool[np.ndarray, "rows columns"], half: int) -> Float[np.ndarray, "rows columns"]:
+    """Share of the square about each pixel."""
+    sums = np.pad(there.astype(float), half + 1).cumsum(axis=0).cumsum(axis=1)[:, :]
+    side = 2 * half + 1
+    total = sums[side:, side:] - sums[:-side, side:] - sums[side:, :-side] + sums[:-side, :-side]
+    return total[: there.shape[0], : there.shape[1]] / side**2
+
+
+def numbers_of(look: Overview) -> list[MapPicture]:
+    """Maps of numbers that hold for the whole film."""
+    means = look.means
+    thick = means["thickness"] * 1e6
+    top = _top(thick, 98.0, 1.0)
+    return [
+        MapPicture("probability", "How sure: probability of the most probable set",
+                   "Low where several sets explain a pixel about as well.", means["probability"],
+                   Scale("viridis", 0.0, 1.0)),
+        MapPicture("none", "None of these paints", "Probability that no paints of the catalogue explain a pixel.",
+                   means["none"], Scale("viridis", 0.0, 1.0)),
+        MapPicture("thickness", "Thickness of all coats", "Grey where it is not known: the film hides its ground, "
+                   "or no paints explain it.", thick, Scale("viridis", 0.0, top, "µm")),
+        MapPicture("thickness_sd", "Thickness: its standard deviation", "How well the thickness is known, if the film "
+                   "is of these paints.", means["thickness_sd"] * 1e6,
+                   Scale("viridis", 0.0, _top(means["thickness_sd"] * 1e6, 98.0, 0.1), "µm")),
+        MapPicture("misfit", "Misfit", "Colour difference between what was measured and the best candidates: below 1 "
+                   "nobody sees it.", means["misfit"], Scale("inferno", 0.0, max(2.0, _top(means["misfit"], 99.5, 0.1)),
+                   "ΔE00")),
+        MapPicture("rmse", "Misfit of the spectra", "Root mean square of measured less fitted reflectance.",
+                   means["rmse"], Scale("inferno", 0.0, _top(means["rmse"], 99.5, 0.001))),
+    ]  # fmt: skip
+
+
+def paint_pictures(look: Overview, paint: int) -> list[MapPicture]:
+    """Maps of one paint: its probability, and its amount, or its share where films hide their ground."""
+    name = look.paints[paint]
+    found = [
+        MapPicture(f"{_file(name)}_probability", f"{name}: probability", "", look.paint_probability[..., paint],
+                   Scale("magma_r", 0.0, 1.0)),
+    ]  # fmt: skip
+    amount = look.paint_amount[..., paint] * 1e6
+    share = look.paint_share[..., paint]
+    with np.errstate(invalid="ignore"):
+        unknown = np.sum(np.isnan(amount) & (share > 0)) > 0.5 * np.sum(share > 0)
+    if unknown:
+        found.append(
+            MapPicture(f"{_file(name)}_share", f"{name}: share by mass", "", share, Scale("magma_r", 0.0, 1.0))
+        )
+    else:
+        top = _top(np.where(amount > 0, amount, np.nan), 98.0, 0.1)
+        found.append(
+            MapPicture(f"{_file(name)}_amount", f"{name}: amount", "", amount, Scale("magma_r", 0.0, top, "µm"))
+        )
+    return found
+
+
+def found_paints(look: Overview, least: float = 0.0005) -> list[int]:
+    """Paints that are likely in at least so small a share of the mapped pixels, the most frequent first."""
+    most = np.maximum(look.likely, look.in_set)
+    return [int(p) for p in np.argsort(-most, kind="stable") if most[p] > 0 and most[p] >= least * look.mapped]
+
+
+def coloured(shown: MapPicture) -> RGB:
+    """A number as a picture; grey where there is none."""
+    require("matplotlib")
+    from matplotlib import colormaps
+
+    scale = shown.scale
+    values = np.nan_to_num((shown.values - scale.low) / max(scale.high - scale.low, 1e-30))
+    found = (colormaps[scale.colours](np.clip(values, 0, 1))[..., :3] * 255.0).round().astype(np.uint8)
+    found[~np.isfinite(shown.values)] = _rgb(UNKNOWN)
+    return enlarged(found)
+
+
+def false_colour(cube: "xr.DataArray", step: int = 1) -> tuple[RGB, str]:
+    """A picture of three bands that a camera or an eye would not show so, each stretched to its own range.
+
+    Args:
+        cube: dims y, x, wavelength.
+        step: every so many pixels one is shown.
+
+    Returns:
+        The picture, and in words which bands are red, green and blue in it.
+    """
+    grid = np.asarray(cube["wavelength"].values, float)
+    # Infrared false colour as conservators know it, if the cube has infrared; else the ends and middle of its range.
+    wanted = (900.0, 650.0, 550.0) if grid[-1] >= 800 else (grid[-1] - 10, 0.5 * (grid[0] + grid[-1]), grid[0] + 30)
+    bands = [int(np.abs(grid - each).argmin()) for each in wanted]
+    found = []
+    for band in bands:
+        values = np.asarray(cube.isel(y=slice(step // 2, None, step), x=slice(step // 2, None, step), wavelength=band))
+        low, high = np.nanpercentile(values, (1, 99)) if np.isfinite(values).any() else (0.0, 1.0)
+        level = np.nan_to_num(np.clip((values - low) / max(high - low, 1e-6), 0, 1), nan=1.0)
+        found.append((level * 255).round().astype(np.uint8))
+    words = ", ".join(f"{name} {grid[b]:.0f} nm" for name, b in zip(("red", "green", "blue"), bands, strict=True))
+    return enlarged(np.stack(found, axis=-1)), words
+
+
+def png(image: RGB) -> bytes:
+    """A picture as the bytes of a PNG."""
+    require("PIL")
+    from PIL import Image
+
+    file = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(image)).save(file, "PNG", optimize=True)
+    return file.getvalue()
+
+
+def enlarged(image: np.ndarray) -> np.ndarray:
+    """Every pixel as a square, if there are so few that a page would blur them."""
+    times = -(-_LEAST_WIDTH // image.shape[1])
+    return image if times == 1 else image.repeat(times, axis=0).repeat(times, axis=1)
+
+
+def write_pictures(
+    look: Overview, folder: Path, numbers: Sequence[MapPicture], *, own: Sequence[str], false: RGB | None = None
+) -> list[Path]:
+    """Write each picture as a PNG with its title and scale.
+
+    Args:
+        look: the map.
+        folder: exists.
+        numbers: maps of numbers.
+        own: colours of the sets of the legend themselves.
+        false: a false-colour picture, or None.
+    """
+    written = []
+    plain = [("true_colour", "True colour (D65)", enlarged(look.colour))]
+    plain += [] if false is None else [("false_colour", "False colour", false)]
+    for name, title, image in plain:
+        written.append(folder / f"{name}.png")
+        with _framed(written[-1], title, image):
+            pass
+    written.append(folder / "sets.png")
+    _write_legend(look, written[-1], own)
+    for shown in numbers:
+        written.append(folder / f"{shown.key}.png")
+        with _framed(written[-1], shown.title, coloured(shown), 0.9) as figure:
+            _add_scale(figure, shown.scale)
+    return written
+
+
+class _framed:
+    """A figure with an image, at one pixel a dot as far as its width allows; written at the end."""
+
+    def __init__(self, path: Path, title: str, image: RGB, room: float = 0.0):
+        self.image, self.title = image, title
+        width = 8.0
+        self.height = width * image.shape[0] / image.shape[1]
+        self.drawn = picture(path, width + room, self.height + 0.4, layout=None)
+        self.width, self.room = width, room
+
+    def __enter__(self) -> Any:
+        figure = self.figure = self.drawn.__enter__()
+        whole, tall = self.width + self.room, self.height + 0.4
+        axes = figure.add_axes((0, 0, self.width / whole, self.height / tall))
+        axes.imshow(self.image, interpolation="antialiased", aspect="auto")
+        axes.set_axis_off()
+        figure.text(0.008, 1 - 0.2 / tall, self.title, fontsize=10, color=INK, va="center")
+        return figure
+
+    def __exit__(self, *error: Any) -> None:
+        self.drawn.__exit__(*error)
+
+
+def _add_scale(figure: Any, scale: Scale) -> None:
+    from matplotlib.cm import ScalarMappable
+    from matplotlib.colors import Normalize
+
+    width = figure.get_figwidth()
+    axes = figure.add_axes((8.12 / width, 0.03, 0.16 / width, 0.8))
+    bar = figure.colorbar(ScalarMappable(Normalize(scale.low, scale.high), scale.colours), cax=axes)
+    bar.outline.set_visible(False)
+    bar.ax.tick_params(labelsize=8)
+    bar.ax.set_title(scale.unit, fontsize=8, color=FAINT)
+
+
+def _write_legend(look: Overview, path: Path, own: Sequence[str]) -> None:
+    from matplotlib.patches import Rectangle
+
+    with _framed(path, "Most probable set of paints", legend_map(look), 4.2) as figure:
+        places = legend_places(look)
+        width, tall = figure.get_figwidth(), figure.get_figheight()
+        picture_axes = figure.axes[0]
+        size = enlarged(look.examples["status"]).shape
+        for n, members in enumerate(legend_sets(look), start=1):
+            if members in places:
+                x, y = places[members]
+                picture_axes.text(x * size[1], y * size[0], str(n), ha="center", va="center", fontsize=8, color=INK,
+                                  bbox={"boxstyle": "circle,pad=.25", "fc": "white", "ec": INK, "lw": 0.6})  # fmt: skip
+        axes = figure.add_axes((8.15 / width, 0, 4.0 / width, 1))
+        axes.set(xlim=(0, 4.0), ylim=(tall, 0))
+        axes.set_axis_off()
+        rows = [(f"{n}  {look.words(m)}", colour, mixed, look.sets[m]) for n, (m, colour, mixed) in
+                enumerate(zip(legend_sets(look), LEGEND, own, strict=False), start=1)]  # fmt: skip
+        rest = sum(look.sets[m] for m in look.ranked[len(LEGEND) :])
+        rows += [("further sets", OTHERS, None, rest)] if rest else []
+        rows += [("none of these paints", None, None, look.sets[()])] if look.sets.get(()) else []
+        high = min(0.34, (tall - 0.3) / max(len(rows), 1))
+        for row, (words, colour, mixed, count) in enumerate(rows):
+            y = 0.25 + row * high
+            hatch: dict[str, Any] = {"hatch": "/////", "fc": STRIPES[1]} if colour is None else {"fc": colour}
+            axes.add_patch(Rectangle((0, y), 0.28, 0.7 * high, ec=STRIPES[0], lw=0.4, **hatch))
+            if mixed is not None:
+                axes.add_patch(Rectangle((0.32, y), 0.28, 0.7 * high, fc=mixed, ec=STRIPES[0], lw=0.4))
+            words = f"{words}  ({count / max(look.mapped, 1):.1%})"
+            axes.text(0.68, y + 0.35 * high, words, fontsize=min(7.5, 24 * high), va="center", color=INK)
+
+
+def own_colours(look: Overview, most: int = len(LEGEND)) -> list[str]:
+    """True colour of the largest sets, the mean over the pixels of each."""
+    found = []
+    for members in look.ranked[:most]:
+        there = look.where(members)
+        # Light adds, encoded values do not; the square is near enough to sRGB's curve for a swatch.
+        mean = np.sqrt(np.mean((look.colour[there] / 255.0) ** 2, axis=0)) if there.any() else np.ones(3)
+        found.append(hex_colour(mean))
+    return found
+
+
+def _top(values: np.ndarray, percentile: float, least: float) -> float:
+    """Upper end of a scale: a round number that most values stay below."""
+    known = values[np.isfinite(values)]
+    top = max(float(np.percentile(known, percentile)) if known.size else least, least)
+    unit = 10.0 ** np.floor(np.log10(top))
+    return float(next(unit * step for step in (1, 1.5, 2, 3, 4, 5, 6, 8, 10) if unit * step >= top * 0.999))
+
+
+def _file(name: str) -> str:
+    """A paint's name as part of a file's."""
+    return "".join(c if c.isalnum() or c in "-_" else "_" for c in name)
+
+
+def _rgb(colour: str) -> tuple[int, int, int]:
+    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)

@@ -1,0 +1,152 @@
+"""The report of a map: whole, from nowhere else, and true to the map."""
+
+import html
+import re
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from glazefit.mapping.example import painting
+from glazefit.mapping.layout import Status
+from glazefit.mapping.page import About, write_report
+from glazefit.mapping.page_sets import _spectra
+
+from .truth_map import Sums, truth_map
+
+pytest.importorskip("xarray")
+ABOUT = About(
+    "a <b>painting</b>",
+    created="2026-01-02, 03:04",
+    command="glazejax map cube.hdr --out 'a & b'",
+    facts={"Ground": "grey < white"},
+    options={"Noise": "0.003"},
+    versions={"glazejax": "1.2.3"},
+    inputs=[("cube", "cube.hdr", "0123abcd")],
+    shortcuts={"Alike": "solved once"},
+    agreement={"Same first set": "97.5 % of 2,000 pixels"},
+    notes=["A band was dead."],
+    unknown=["What lies below."],
+)
+
+
+@pytest.fixture(scope="module")
+def made():
+    return truth_map(painting((64, 96), np.linspace(400.0, 700.0, 16), seed=2))
+
+
+@pytest.fixture(scope="module")
+def report(made, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("report")
+    return write_report(*made, ABOUT, folder)
+
+
+class Tags(HTMLParser):
+    """Open and closed tags, and what is loaded."""
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.loaded, self.alone = [], [], {"meta", "img", "br"}
+
+    def handle_starttag(self, tag, attrs):
+        if tag not in self.alone:
+            self.open.append(tag)
+        self.loaded += [value for name, value in attrs if name in ("src", "href")]
+
+    def handle_startendtag(self, tag, attrs):
+        pass
+
+    def handle_endtag(self, tag):
+        assert self.open.pop() == tag
+
+
+def words(page):
+    """Text of a page."""
+    page = re.sub(r"<(style|svg).*?</\1>", "", page, flags=re.DOTALL)
+    return html.unescape(re.sub(r"\s+", " ", re.sub(r"<[^>]*>", " ", page)))
+
+
+def test_the_page_is_whole_and_loads_nothing_from_elsewhere(report):
+    page = report.read_text(encoding="utf-8")
+    tags = Tags()
+    tags.feed(page)
+    assert tags.open == []
+    assert tags.loaded
+    assert all(each.startswith(("data:image/png;base64,", "#")) for each in tags.loaded)
+    assert "<script" not in page
+    assert not re.search(r"url\(|@import|https?:", page)
+    assert "<b>painting" not in page
+
+
+def test_what_was_said_about_the_map_stands_on_the_page(report):
+    said = words(report.read_text(encoding="utf-8"))
+    for each in (
+        "Map of paints: a <b>painting</b>", "2026-01-02, 03:04", "glazejax map cube.hdr --out 'a & b'", "grey < white",
+        "0.003", "glazejax 1.2.3", "0123abcd", "solved once", "97.5 % of 2,000 pixels", "A band was dead.",
+        "What lies below.", "Searches 812", "96 × 64 pixels, 0.0625 mm² each", "Left out by the mask 288",
+    ):  # fmt: skip
+        assert each in said, each
+
+
+def test_sets_stand_with_their_shares_of_the_area(made, report):
+    dataset, _, sets = made
+    page = report.read_text(encoding="utf-8")
+    table = page[page.index('<table id="sets">') :]
+    rows = re.findall(r"<tr>(.*?)</tr>", table[: table.index("</table>")], flags=re.DOTALL)[1:]
+    names = [str(name) for name in dataset["paint"].values]
+    mapped = int(np.sum(dataset["status"].values == Status.MAPPED))
+    ranked = sorted((members for members in sets if members), key=lambda m: (-sets[m].pixels, m))
+    assert len(rows) == len(ranked) + 1
+    for number, (row, members) in enumerate(zip(rows, ranked, strict=False), start=1):
+        text = words(row)
+        assert text.split()[0] == str(number)
+        assert all(names[member] in text for member in members)
+        share = float(re.search(r"([\d.]+) % [\d.]+ 9", text)[1])
+        assert share == pytest.approx(100 * sets[members].pixels / mapped, abs=0.05)
+        thickness, count = sets[members].thickness
+        assert f" {thickness / count * 1e6:.1f} " in text
+        assert "<svg" in row
+    assert "None of these paints" in rows[-1]
+    assert 'class="key none"' in rows[-1]
+
+
+def test_pictures_lie_beside_the_page(report):
+    names = {path.stem for path in (report.parent / "pictures").iterdir()}
+    assert names >= {"true_colour", "sets", "probability", "none", "thickness", "thickness_sd", "misfit", "rmse"}
+    assert {"LeadWhite_probability", "LeadWhite_amount"} <= names
+    assert "CalciumCarbonate_probability" not in names
+    for path in (report.parent / "pictures").iterdir():
+        assert path.read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_report_is_replaced_only_if_asked_for(made, report):
+    before = report.read_bytes()
+    with pytest.raises(FileExistsError, match="--overwrite replaces it"):
+        write_report(*made, ABOUT, report.parent)
+    assert report.read_bytes() == before
+
+
+def test_a_map_that_is_not_finished_or_empty_says_so(made, tmp_path):
+    dataset, tallies, sets = made
+    part = dataset.copy(deep=True)
+    part["status"][20:] = Status.UNDONE
+    page = write_report(part, tallies, sets, replace(ABOUT, notes=()), tmp_path / "part").read_text(encoding="utf-8")
+    assert "Not finished" in page
+    assert "68.8 % of the map is not done yet" in words(page)
+    part["status"][:] = Status.DARK
+    empty = write_report(part, {}, {}, About("dark"), tmp_path / "dark").read_text(encoding="utf-8")
+    assert "No pixel was mapped" in empty
+    assert "Too dark" in empty
+
+
+def test_a_small_spectrum_has_the_mean_at_its_height():
+    grid = np.array([400.0, 500.0, 600.0, 700.0])
+    mean = np.array([0.0, 0.5, 1.0, 0.25])
+    drawn = _spectra(Sums(4, 4 * mean, 4 * mean, 4 * mean**2, (0.0, 0)), grid, "a")
+    lines = re.findall(r'polyline points="([^"]*)"', drawn)
+    y = [float(pair.split(",")[1]) for pair in lines[0].split()]
+    # The lower edge is 0 and the upper 1.
+    assert np.interp(y, (y[2], y[0]), (1, 0)) == pytest.approx(mean, abs=0.01)
+    assert lines[0] == lines[1]
+    assert _spectra(None, grid, "a") == "–"

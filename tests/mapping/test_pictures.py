@@ -1,0 +1,207 @@
+"""Pictures of a map and the counts they are made from."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from glazefit.mapping.example import painting
+from glazefit.mapping.layout import Status, Way
+from glazefit.mapping.overview import overview, square_means
+from glazefit.mapping.pictures import (
+    BLANK,
+    LEGEND,
+    OTHERS,
+    STRIPES,
+    MapPicture,
+    Scale,
+    coloured,
+    false_colour,
+    found_paints,
+    legend_map,
+    legend_places,
+    legend_sets,
+    numbers_of,
+    own_colours,
+    paint_pictures,
+)
+
+from .truth_map import truth_map
+
+pytest.importorskip("xarray")
+# One or two kinds of cones missing, on linear sRGB: G. Machado, M. Oliveira, L. Fernandes, IEEE TVCG 15:1291 (2009).
+CONES = {
+    "three": np.eye(3),
+    "no long": [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]],
+    "no middle": [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.01182, 0.04294, 0.968881]],
+    "no short": [[1.255528, -0.076749, -0.178779], [-0.078411, 0.930809, 0.147602], [0.004733, 0.691367, 0.3039]],
+}
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return painting((96, 128), np.linspace(400.0, 700.0, 16), seed=1)
+
+
+@pytest.fixture(scope="module")
+def dataset(scene):
+    return truth_map(scene)[0]
+
+
+@pytest.fixture(scope="module")
+def look(dataset):
+    return overview(dataset)
+
+
+def rgb(colour):
+    return [int(colour[n : n + 2], 16) for n in (1, 3, 5)]
+
+
+def test_every_pixel_is_counted_once(scene, dataset, look):
+    truth = scene.truth(0, 96)
+    mapped = dataset["status"].values == Status.MAPPED
+    assert look.status == {Status.MAPPED: mapped.sum(), Status.MASKED: 3 * 128, Status.SATURATED: 24}
+    assert sum(look.sets.values()) == look.mapped == sum(look.ways.values())
+    assert look.sets[()] == np.sum(mapped & truth["foreign"])
+    assert look.explained == look.mapped - look.sets[()]
+    assert look.ways[Way.SEARCHED] == np.sum(dataset["way"].values[mapped] == Way.SEARCHED)
+    for members in look.ranked:
+        wanted = np.array([*members, -1, -1][:3])
+        there = mapped & (truth["members"] == wanted).all(axis=-1)
+        assert look.sets[members] == there.sum()
+        assert look.in_two_coats[members] == np.sum(truth["coats"][there].max(axis=-1) > 0)
+    areas = [look.sets[members] for members in look.ranked]
+    assert areas == sorted(areas, reverse=True)
+    for paint in range(len(scene.paints)):
+        count = np.sum(mapped & ~truth["foreign"] & (truth["members"] == paint).any(axis=-1))
+        assert look.in_set[paint] == look.likely[paint] == count
+    # Quarter of a millimetre a side.
+    assert look.pixel_area == pytest.approx(0.25e-3**2)
+
+
+def test_paints_in_another_order_are_the_same_set(dataset, look):
+    turned = dataset.copy(deep=True)
+    for name in ("members", "coats", "fraction"):
+        values = turned[name].values
+        values[::2] = values[::2, :, ::-1]
+    again = overview(turned)
+    assert again.sets == look.sets
+    np.testing.assert_array_equal(again.paint_amount, look.paint_amount)
+
+
+def test_a_large_map_is_seen_in_squares_of_few_rows_at_a_time(dataset, look, monkeypatch):
+    whole = overview(dataset, most=(30, 30))
+    assert whole.step == 5
+    monkeypatch.setattr("glazefit.mapping.overview._PIXELS", 1)
+    pieces = overview(dataset, most=(30, 30))
+    assert pieces.sets == whole.sets == look.sets
+    for name, values in whole.means.items():
+        np.testing.assert_allclose(pieces.means[name], values, rtol=1e-6)
+        assert values.shape == (20, 26)
+    np.testing.assert_array_equal(pieces.examples["members"], whole.examples["members"])
+    # The upper left square of the rows that are not masked, by hand.
+    status, thickness = dataset["status"].values[5:10, :5], dataset["thickness"].values[5:10, :5]
+    mean = np.nanmean(np.where(status == Status.MAPPED, thickness, np.nan))
+    assert whole.means["thickness"][1, 0] == pytest.approx(mean, rel=1e-5)
+    assert np.isnan(overview(dataset, most=(48, 64)).means["thickness"][0, 0])
+
+
+def test_square_means_leave_out_what_is_not_known():
+    values = np.array([[1.0, np.nan, 5.0], [3.0, np.nan, 7.0], [np.nan, 4.0, np.nan]])
+    np.testing.assert_allclose(square_means(values, 2), [[2.0, 6.0], [4.0, np.nan]])
+
+
+def test_amounts_are_those_of_the_truth(scene, look):
+    truth = scene.truth(0, 96)
+    known = (look.examples["status"] == Status.MAPPED) & ~truth["foreign"]
+    for paint in found_paints(look):
+        amount = np.where(truth["members"] == paint, truth["amounts"], 0.0).sum(axis=-1)
+        np.testing.assert_allclose(look.paint_amount[known][:, paint], amount[known], rtol=1e-5, atol=1e-12)
+    assert np.isnan(look.paint_amount[~known]).all()
+
+
+def test_a_film_that_hides_its_ground_shows_shares_and_no_amounts(dataset):
+    hidden = dataset.copy(deep=True)
+    hidden["thickness"][:] = np.nan
+    seen = overview(hidden)
+    paint = found_paints(seen)[0]
+    kinds = [each.key.rpartition("_")[2] for each in paint_pictures(seen, paint)]
+    assert kinds == ["probability", "share"]
+    assert np.nanmax(paint_pictures(seen, paint)[1].values) <= 1.0
+    # Nothing of a paint is known to be nothing.
+    assert (seen.paint_amount[..., paint][seen.paint_share[..., paint] == 0] == 0).all()
+    assert np.isfinite([each.scale.high for each in numbers_of(seen)]).all()
+
+
+def test_the_legend_map_has_the_colour_of_each_set_and_stripes_for_none(look):
+    image = legend_map(look)
+    times = image.shape[1] // 128
+    small = image[times // 2 :: times, times // 2 :: times]
+    for members, colour in zip(legend_sets(look), LEGEND, strict=False):
+        assert (small[look.where(members)] == rgb(colour)).all()
+    rest = np.any([look.where(members) for members in look.ranked[len(LEGEND) :]], axis=0)
+    assert (small[rest] == rgb(OTHERS)).all()
+    assert rest.any()
+    assert (small[look.examples["status"] != Status.MAPPED] == rgb(BLANK)).all()
+    none = image[look.where(()).repeat(times, axis=0).repeat(times, axis=1)]
+    assert {tuple(colour) for colour in np.unique(none, axis=0)} == {tuple(rgb(stripe)) for stripe in STRIPES}
+
+
+def test_numbers_of_sets_stand_within_them(look):
+    places = legend_places(look)
+    assert set(places) == set(legend_sets(look))
+    for members, (x, y) in places.items():
+        assert look.where(members)[int(y * 96), int(x * 128)]
+
+
+def test_colours_of_the_legend_differ_for_everybody():
+    from glazejax.colour import delta_e_2000, srgb_to_xyz, xyz_to_lab
+
+    encoded = np.array([rgb(colour) for colour in (*LEGEND, OTHERS, BLANK)]) / 255.0
+    linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+    for who, cones in CONES.items():
+        seen = np.clip(linear @ np.transpose(cones), 0, 1)
+        shown = np.where(seen <= 0.0031308, 12.92 * seen, 1.055 * seen ** (1 / 2.4) - 0.055)
+        lab = np.asarray(xyz_to_lab(srgb_to_xyz(shown), srgb_to_xyz(np.ones(3))))
+        pairs = np.array(list(itertools.combinations(range(len(lab)), 2)))
+        apart = np.asarray(delta_e_2000(lab[pairs[:, 0]], lab[pairs[:, 1]]))
+        assert apart.min() > 10, (who, pairs[apart.argmin()])
+
+
+def test_own_colours_are_those_of_the_paint(look):
+    own = dict(zip((look.words(m) for m in look.ranked), own_colours(look, 99), strict=True))
+    red, green, blue = rgb(own["Vermillion"])
+    assert red > 1.5 * max(green, blue)
+    assert min(rgb(own["LeadWhite"])) > 190
+
+
+def test_a_number_is_its_colour_and_grey_where_it_is_not_known():
+    from matplotlib import colormaps
+
+    values = np.array([[0.0, 5.0], [20.0, np.nan]])
+    image = coloured(MapPicture("a", "A", "", values, Scale("viridis", 0.0, 10.0)))
+    side = image.shape[1] // 2
+    corners = image[:: 2 * side - 1, :: 2 * side - 1]
+    for at, level in (((0, 0), 0.0), ((0, 1), 0.5), ((1, 0), 1.0)):
+        np.testing.assert_allclose(corners[at], np.array(colormaps["viridis"](level)[:3]) * 255, atol=1)
+    assert len(set(corners[1, 1])) == 1
+
+
+def test_false_colour_takes_infrared_where_there_is_some(scene):
+    import xarray as xr
+
+    grid = np.linspace(400.0, 1000.0, 61)
+    values = np.zeros((4, 5, 61), np.float32)
+    values[..., grid > 850] = np.linspace(0, 1, 20).reshape(4, 5, 1)
+    image, words = false_colour(xr.DataArray(values, dims=("y", "x", "wavelength"), coords={"wavelength": grid}))
+    assert words == "red 900 nm, green 650 nm, blue 550 nm"
+    assert image[..., 0].max() == 255
+    assert image[..., 1:].max() == 0
+    assert "red 690 nm" in false_colour(
+        xr.DataArray(scene.rows(0, 9), dims=("y", "x", "wavelength"), coords={"wavelength": scene.wavelengths}), 3
+    )[1].replace("680", "690")
+
+
+def test_what_is_no_map_is_refused(dataset):
+    with pytest.raises(ValueError, match="it lacks misfit, rmse"):
+        overview(dataset.drop_vars(["misfit", "rmse"]))

@@ -1,0 +1,89 @@
+"""A map as a perfect solver would give it, from the truth of the example painting."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from glazefit.mapping.example import Painting
+from glazefit.mapping.layout import PLACES, VARIABLES, Status, Way
+
+
+@dataclass
+class Sums:
+    """As the solver sums the pixels of a set."""
+
+    pixels: int
+    spectrum: np.ndarray
+    fitted: np.ndarray
+    square: np.ndarray
+    thickness: tuple[float, int]
+
+
+def truth_map(painting: Painting, *, unit: str | None = "mm"):
+    """Dataset, tallies and sums of sets of a map that is right everywhere.
+
+    The first three rows are masked, and one corner is saturated; foreign paint is "none of these".
+    """
+    import xarray as xr
+
+    from glazejax.colour import srgb
+
+    height, width = painting.shape
+    truth = painting.truth(0, height)
+    readings, clear = painting.rows(0, height), painting.rows(0, height, noise=False)
+    count = len(painting.paints)
+    further = {"place": PLACES, "paint": count, "rgb": 3}
+    arrays = {
+        v.name: np.full((height, width, *(further[d] for d in v.further)), v.fill, v.dtype) for v in VARIABLES
+    }  # fmt: skip
+    status = np.full((height, width), Status.MAPPED, np.uint8)
+    status[:3] = Status.MASKED
+    status[-4:, -6:] = Status.SATURATED
+    mapped = status == Status.MAPPED
+    known = mapped & ~truth["foreign"]
+    arrays["status"] = status
+    arrays["way"][mapped] = Way.UPDATED
+    arrays["way"][::5, ::5][mapped[::5, ::5]] = Way.SEARCHED
+    arrays["explained"] = known.astype(np.uint8)
+    arrays["members"][known] = truth["members"][known]
+    arrays["coats"][known] = np.minimum(truth["coats"][known], 1)
+    thickness = truth["amounts"].sum(axis=-1)
+    arrays["thickness"][known] = thickness[known]
+    arrays["thickness_sd"][known] = 0.05 * thickness[known]
+    share = truth["amounts"] / thickness[..., None]
+    arrays["fraction"][known] = np.where(truth["members"] >= 0, share, np.nan)[known]
+    arrays["fraction_sd"][known] = np.where(truth["members"] >= 0, 0.02, np.nan)[known]
+    arrays["paint_probability"][mapped] = 0.0
+    for place in range(PLACES):
+        ys, xs = np.nonzero(known & (truth["members"][..., place] >= 0))
+        arrays["paint_probability"][ys, xs, truth["members"][ys, xs, place]] = 0.9
+    arrays["none"][mapped] = np.where(known, 0.02, 0.97)[mapped]
+    arrays["probability"][mapped] = np.where(known, 0.9, 0.1)[mapped]
+    arrays["misfit"][mapped] = np.where(known, 0.3, 6.0)[mapped]
+    arrays["rmse"][mapped] = np.sqrt(np.mean((readings - clear) ** 2, axis=-1))[mapped]
+    colour = np.asarray(srgb(painting.wavelengths, readings.astype(float)))
+    arrays["true_colour"] = np.round(colour * 255).astype(np.uint8)
+    sets = {}
+    members = arrays["members"][mapped]
+    for found in np.unique(members, axis=0):
+        there = mapped & (arrays["members"] == found).all(axis=-1)
+        thick = thickness[there & known].astype(float)
+        sets[tuple(int(m) for m in found if m >= 0)] = Sums(
+            int(there.sum()),
+            readings[there].sum(axis=0, dtype=float),
+            clear[there].sum(axis=0, dtype=float),
+            (readings[there].astype(float) ** 2).sum(axis=0),
+            (float(thick.sum()), thick.size),
+        )
+    attrs = {} if unit is None else {"units": unit}
+    coordinates = {
+        "y": ("y", 0.25 * (np.arange(height) + 0.5), attrs),
+        "x": ("x", 0.25 * (np.arange(width) + 0.5), attrs),
+        "paint": [paint.name for paint in painting.paints],
+    }
+    dataset = xr.Dataset(
+        {v.name: (("y", "x", *v.further), arrays[v.name]) for v in VARIABLES},
+        coordinates,
+        {"working_wavelengths": painting.wavelengths.tolist()},
+    )
+    return dataset, {"readings": int(mapped.sum()) * painting.wavelengths.size, "searches": 812}, sets
