@@ -35,7 +35,7 @@ class Way(IntEnum):
     NONE = 0
     UPDATED = 1  # from the representative next to it, in closed form
     SEARCHED = 2  # by a search of its own
-    COPIED = 3  # the very spectrum of another pixel
+    NEIGHBOUR = 3  # in closed form too, from a pixel of the same window that was searched
 
 
 class Variable(NamedTuple):

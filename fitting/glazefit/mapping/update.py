@@ -36,6 +36,10 @@ class Answers:
         for f in fields(self):
             getattr(self, f.name)[rows] = getattr(others, f.name)
 
+    def take(self, rows: np.ndarray) -> "Answers":
+        """Some of them."""
+        return Answers(*(getattr(self, f.name)[rows] for f in fields(self)))
+
     @classmethod
     def empty(cls, spectra: int, paints: int, bands: int) -> "Answers":
         """Room for answers."""

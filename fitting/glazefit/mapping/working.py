@@ -61,8 +61,8 @@ class WorkingBands:
         if use.size < _FEWEST:
             raise ValueError(
                 f"the paints are known from {first:g} to {last:g} nm, and {use.size} bands of the image lie there (it "
-                f"has {describe_grid(stored)}); at least {_FEWEST} are needed: use another catalogue, or check the image's "
-                "wavelengths"
+                f"has {describe_grid(stored)}); at least {_FEWEST} are needed: use another catalogue, or check the "
+                "image's wavelengths"
             )
         grid = stored[use]
         group = np.floor((grid - grid[0]) / width + 1e-9).astype(int)
