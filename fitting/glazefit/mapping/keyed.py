@@ -4,7 +4,7 @@ import errno
 import io
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -73,15 +73,15 @@ class KeyedResults:
         np.savez(file, **result)
         write_whole(self._path(key), file.getvalue())
 
-    def get(self, key: str) -> dict[str, np.ndarray]:
-        """The result of a key.
+    def get(self, key: str, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:
+        """The result of a key, or some of its arrays.
 
         Raises:
             KeyError: there is none.
         """
         try:
             with np.load(self._path(key), allow_pickle=False) as kept:
-                return {name: kept[name] for name in kept.files}
+                return {name: kept[name] for name in (kept.files if names is None else names)}
         except FileNotFoundError:
             raise KeyError(key) from None
 

@@ -6,7 +6,7 @@ errors as they were, a candidate's most probable amounts move linearly with the 
 closed form: Laplace's approximation about a point that moves (`glazefit.identify.fit`).
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, replace
 
 import jax
@@ -133,10 +133,22 @@ class Searched:
         return own | {f"local_{f.name}": getattr(self.local, f.name) for f in fields(Local)}
 
     @classmethod
-    def from_arrays(cls, kept: Mapping[str, np.ndarray]) -> "Searched":
-        """From what `arrays` gave."""
-        local = Local(*(kept[f"local_{f.name}"] for f in fields(Local)))
-        return cls(*(kept[f.name] for f in fields(cls)[:-1]), local)
+    def from_parts(cls, count: int, part: Callable[[int, str], np.ndarray]) -> "Searched":
+        """Of several that were kept by `arrays`; only one array of theirs at a time is held twice.
+
+        Args:
+            count: how many were kept.
+            part: array of one of them, by its number and name.
+        """
+        columns = {f.name: np.concatenate([part(n, f.name) for n in range(count)]) for f in fields(cls)[:-1]}
+        first = np.cumsum([0, *(len(part(n, "blur")) for n in range(count))])
+        local = {}
+        for f in fields(Local):
+            parts = [part(n, f"local_{f.name}") for n in range(count)]
+            if f.name == "row":
+                parts = [rows + start for rows, start in zip(parts, first, strict=False)]
+            local[f.name] = np.concatenate(parts)
+        return cls(**columns, local=Local(**local))
 
 
 def searched(

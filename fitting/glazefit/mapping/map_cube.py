@@ -25,6 +25,7 @@ from .agreement import compare
 from .atlas import Atlas
 from .layout import STATUS_WORDS, Status
 from .local import Searched, check_errors, searched
+from .memory import give_back
 from .run import client_in_scope, finish, run_chunks
 from .solver import Image, PixelSolver
 from .store import MapStore, check_map, open_map
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
 # Pixels that are sampled, in so many lines; representatives at most, and the distance that they are to keep to all.
 _SAMPLE, _LINES, _REPRESENTATIVES, _REACH = 40_000, 96, 2500, 1.5
 # Representatives that are searched as one piece of work.
-_PIECE = 256
+_PIECE = 128
 # Pixels that are searched themselves, to see what the closed form costs.
 _CHECKED = 256
 # Spectra from which the noise is told.
@@ -180,11 +181,12 @@ def map_cube(
         work = store.work
 
         def count(*_: Any) -> None:
+            give_back()
             tell(Progress("searching", len(work.done() & set(keys)), len(keys)))
 
         count()
         finish(keys, pieces, work, client, count)
-        found = Searched.joined([Searched.from_arrays(work.get(key)) for key in keys])
+        found = Searched.from_parts(len(keys), lambda n, name: work.get(keys[n], [name])[name])
         atlas = Atlas.of(features, found, searcher.task.prior)
         if "checked" not in work.done():
             tell(Progress("checking", 0, 1))

@@ -14,6 +14,7 @@ from .atlas import Atlas
 from .chunk import ChunkMaps, SetSum
 from .layout import BY_NAME, STATUS_WORDS, Status, Way
 from .local import searched
+from .memory import give_back
 from .survey import spread_out
 from .update import Answers
 from .windows import Window
@@ -105,6 +106,7 @@ class PixelSolver:
         arrays = self._arrays(window, readings, status, good, seen, found, way)
         tallies: dict[str, float] = {words: float(np.sum(status == s)) for s, words in STATUS_WORDS.items()}
         tallies |= {f"way {w.name.lower()}": float(np.sum(way == w)) for w in Way if w}
+        give_back()
         tallies["explained"] = float(found.explained.sum())
         return ChunkMaps(arrays, tallies, _sums(found, seen))
 

@@ -7,7 +7,7 @@ from typing import NamedTuple, Self
 # What Python, JAX and its programs take before the first pixel is read.
 BASE = 600 * 2**20
 # Smaller pieces are mostly overhead; larger ones lose more to an interrupt and are no faster.
-_SMALLEST, _LARGEST = 16, 256
+_SMALLEST, _LARGEST = 16, 512
 
 
 class Window(NamedTuple):
