@@ -34,6 +34,7 @@ def envi_cube(path: Path) -> RawCube:
         (0, 1, 2),
         (int(raw.shape[0]), int(raw.shape[1]), int(raw.shape[2])),
         raw.dtype,
+        apart=envi.interleave == "bsq",
         wavelengths=wavelengths,
         good=envi.good_bands(notes),
         scale=envi.declared_scale,
@@ -98,7 +99,7 @@ def npy_cube(path: Path, count: int | None) -> RawCube:
     if array.ndim != 3 or array.dtype.kind not in "fiu":
         raise refusal(path, f"an array of shape {array.shape} and type {array.dtype}, not an image of y, x, wavelength")
     order, shape = axes_of(array.shape, count)
-    return RawCube(path, "NumPy array", OnDisk(_npy, path), order, shape, array.dtype)
+    return RawCube(path, "NumPy array", OnDisk(_npy, path), order, shape, array.dtype, apart=order[2] == 0)
 
 
 def _npy(path: Path) -> np.ndarray:

@@ -102,6 +102,7 @@ def describe(
         shape,
         image.dtype,
         (image.piece[order[0]], image.piece[order[1]], image.piece[order[2]]),
+        order[2] == 0 and image.piece[0] == 1,
         wavelengths,
         _good(image, entries, shape[2]),
         notes=tuple(notes),

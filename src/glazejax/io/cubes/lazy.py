@@ -22,6 +22,8 @@ from .raw import RawCube
 # Numbers worked on at a time: few enough for a processor's cache, so that bands that lie apart are brought together
 # there, and many enough that each piece is worth its call.
 _AT_ONCE = 1 << 19
+# Bands that are read together where each lies in a place of its own: one cache line of float32.
+_BANDS = 16
 
 
 @dataclass(frozen=True)
@@ -60,8 +62,11 @@ class Reading:
         values = np.empty((len(lines), len(samples), len(bands)), np.float32)
         if values.size:
             groups = self.bands[bands.start : bands.stop : bands.step]
-            for part in self._strips(lines, len(samples) * self.binning[1] * groups.size):
-                values[part] = self._strip(lines[part], samples, groups)
+            each = max(1, _BANDS // groups.shape[1]) if self.raw.apart else len(groups)
+            for first in range(0, len(groups), each):
+                few = groups[first : first + each]
+                for part in self._strips(lines, len(samples) * self.binning[1] * few.size):
+                    values[part, :, first : first + each] = self._strip(lines[part], samples, few)
         return np.asarray(values[tuple(0 if isinstance(k, int | np.integer) else slice(None) for k in key)])
 
     def _strips(self, lines: range, width: int) -> Iterator[slice]:
@@ -173,7 +178,7 @@ def as_data_array(
     }
     if raw.top is not None:
         marked = reading.calibration is not None or attributes["binning"] != [1, 1, 1]
-        attributes["saturated"] = np.inf if marked else (raw.top * raw.gain + raw.offset) / reading.scale
+        attributes["saturated"] = np.inf if marked else _reading_of(raw, raw.top, reading.scale)
     array = xarray.DataArray(
         xarray.Variable(dims, LazilyIndexedArray(LazyReflectance(reading))),
         {**places, "wavelength": ("wavelength", wavelengths, {"units": "nm"})},
@@ -184,6 +189,14 @@ def as_data_array(
     sizes = zip(dims, raw.piece, attributes["binning"], strict=True)
     array.encoding["preferred_chunks"] = {name: max(1, -(-size // each)) for name, size, each in sizes}
     return array
+
+
+def _reading_of(raw: RawCube, stored: float, scale: float) -> float:
+    """Reflectance of a stored number, rounded as `Reading` rounds it."""
+    value = np.full(1, stored, np.float32)
+    value *= raw.gain
+    value += raw.offset
+    return float(value[0] / np.float32(scale))
 
 
 def _centres(own: Float[np.ndarray, "size"] | None, first: int, count: int, each: int) -> Float[np.ndarray, "count"]:

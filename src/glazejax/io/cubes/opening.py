@@ -2,11 +2,12 @@
 
 from pathlib import Path
 
+from ..sniff import identify
 from ..source import opened, refusal
 from .arrays import envi_cube, npy_cube
 from .raw import RawCube
 from .stores import classic_cube, hdf5_cube, zarr_cube
-from .tiffs import tiff_cube, tiff_folder
+from .tiffs import TIFF, tiff_cube, tiff_folder
 
 
 def raw_cube(path: Path, dataset: str | None = None, count: int | None = None) -> RawCube:
@@ -29,20 +30,28 @@ def raw_cube(path: Path, dataset: str | None = None, count: int | None = None) -
         return tiff_folder(path, count)
     with opened(path) as source:
         head = source.head
-    if head.startswith(b"\x89HDF\r\n"):
+        known = head.startswith(_HEADS) or identify(source) in ("envi header", "envi data")
+    if head.startswith(_HDF5):
         return hdf5_cube(path, dataset, count)
-    if head.startswith((b"CDF\x01", b"CDF\x02")):
+    if head.startswith(_CLASSIC):
         return classic_cube(path, dataset, count)
-    if head.startswith(b"PK") and path.suffix.lower() == ".zip":
+    if head.startswith(_ZIP) and path.suffix.lower() == ".zip":
         return zarr_cube(path, dataset, count)
     _no_dataset(path, dataset)
-    if head.startswith(b"\x93NUMPY"):
+    if head.startswith(_NPY):
         return npy_cube(path, count)
-    if head.startswith((b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")):
+    if head.startswith(TIFF):
         return tiff_cube(path, count)
+    if not known:
+        raise refusal(path, "not an image of spectra that is known: ENVI, zarr, NetCDF, HDF5, TIFF, .npy")
     return envi_cube(path)
 
 
+# What files begin with.
+_HDF5, _NPY, _ZIP = b"\x89HDF\r\n", b"\x93NUMPY", b"PK\x03\x04"
+_CLASSIC = (b"CDF\x01", b"CDF\x02")
+_HEADS = (_HDF5, _NPY, _ZIP, *_CLASSIC, *TIFF)
+# Files that a store of zarr has.
 _ZARR = ("zarr.json", ".zgroup", ".zarray", ".zmetadata")
 
 

@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float
 
 from ...extras import require
 from ..source import explained, is_there, opened, refusal
+from .tiffs import TIFF
 
 if TYPE_CHECKING:
     import xarray
@@ -21,7 +22,7 @@ def read_mask(path: str | Path, image: Any) -> Bool[np.ndarray, "y x"]:
     A picture (PNG or what Pillow reads) uses the pixels that are not black and not transparent. Polygons are GeoJSON
     (Polygon, MultiPolygon, or features of them) or a CSV of x, y vertices, an empty line between polygons; a pixel is
     used if its centre lies inside. Their numbers are pixels of the whole image: 0, 0 is its upper left corner, and the
-    first pixel's centre is at 0.5, 0.5. A polygon within another is a hole.
+    first pixel's centre is at 0.5, 0.5. Polygons may overlap; holes are GeoJSON's, rings after a polygon's first.
 
     Args:
         path: of the picture or of the polygons.
@@ -38,7 +39,7 @@ def read_mask(path: str | Path, image: Any) -> Bool[np.ndarray, "y x"]:
     whole = tuple(attributes.get("shape_in_file", shape))[:2]
     with opened(path) as source:
         head = source.head[:64]
-        picture = head.startswith((b"\x89PNG", b"II*\0", b"MM\0*", b"BM", b"\xff\xd8", b"GIF8"))
+        picture = head.startswith((b"\x89PNG", *TIFF, b"BM", b"\xff\xd8", b"GIF8"))
         text = "" if picture else source.text()
     if picture:
         used = _picture(path)
@@ -50,7 +51,7 @@ def read_mask(path: str | Path, image: Any) -> Bool[np.ndarray, "y x"]:
                 size += f", opened as {shape[0]} x {shape[1]}"
             raise refusal(path, f"the mask has {used.shape[0]} lines x {used.shape[1]} samples; the image has {size}")
     else:
-        used = inside(_polygons(path, text), whole)
+        used = np.logical_or.reduce([inside(polygon, whole) for polygon in _polygons(path, text)])
     if shape != whole:
         y0, y1, x0, x1 = attributes.get("window", (0, whole[0], 0, whole[1]))
         by, bx, _ = attributes.get("binning", (1, 1, 1))
@@ -89,19 +90,19 @@ def _picture(path: Path) -> Bool[np.ndarray, "y x"]:
     return used & (values[..., -1] != 0) if values.shape[2] in (2, 4) else used
 
 
-def _polygons(path: Path, text: str) -> list[Float[np.ndarray, "vertices 2"]]:
-    """Closed lines of x, y, from GeoJSON or from rows of numbers."""
+def _polygons(path: Path, text: str) -> list[list[Float[np.ndarray, "_ 2"]]]:
+    """Polygons, each the rings of its edge and its holes, from GeoJSON or from rows of numbers."""
     if text.lstrip().startswith(("{", "[")):
         try:
-            found = _rings(json.loads(text))
+            found = _coordinates(json.loads(text))
         except (ValueError, TypeError, KeyError, AttributeError) as error:
             raise refusal(path, f"not GeoJSON of polygons: {error}") from None
     else:
-        found = [[]]
+        rings: list[Any] = [[]]
         for number, line in enumerate(text.splitlines(), start=1):
             words = line.partition("#")[0].replace(",", " ").replace(";", " ").split()
             if not words:
-                found.append([])
+                rings.append([])
                 continue
             try:
                 point = [float(word) for word in words]
@@ -111,43 +112,46 @@ def _polygons(path: Path, text: str) -> list[Float[np.ndarray, "vertices 2"]]:
                 raise refusal(path, f"{line.strip()[:40]!r} is not x,y", number) from None
             if len(point) != 2:
                 raise refusal(path, f"{len(point)} numbers where a vertex has x,y", number)
-            found[-1].append(point)
-        found = [ring for ring in found if ring]
-    rings = []
-    for ring in found:
-        try:
-            points = np.asarray(ring, np.float64)
-        except (ValueError, TypeError):
-            points = np.empty(0)
-        if points.ndim != 2 or points.shape[1] < 2 or not np.isfinite(points).all():
-            raise refusal(path, "a polygon is a list of x, y pairs of finite numbers")
-        if len(points) < 3:
-            raise refusal(path, f"a polygon needs three vertices; one has {len(points)}")
-        rings.append(points[:, :2])
-    if not rings:
+            rings[-1].append(point)
+        found = [[ring] for ring in rings if ring]
+    polygons = [[_ring(path, ring) for ring in polygon] for polygon in found if polygon]
+    if not polygons:
         raise refusal(path, "holds no polygon")
-    return rings
+    return polygons
 
 
-def _rings(node: Any) -> list[Any]:
-    """Rings of all polygons in GeoJSON; of a bare list, that list."""
+def _ring(path: Path, ring: Any) -> Float[np.ndarray, "vertices 2"]:
+    """Vertices of a ring, checked."""
+    try:
+        points = np.asarray(ring, np.float64)
+    except (ValueError, TypeError):
+        points = np.empty(0)
+    if points.ndim != 2 or points.shape[1] < 2 or not np.isfinite(points).all():
+        raise refusal(path, "a polygon is a list of x, y pairs of finite numbers")
+    if len(points) < 3:
+        raise refusal(path, f"a polygon needs three vertices; one has {len(points)}")
+    return points[:, :2]
+
+
+def _coordinates(node: Any) -> list[Any]:
+    """Polygons in GeoJSON, each a list of rings; a bare list is a ring."""
     if isinstance(node, list):
-        return [node]
+        return [[node]]
     kind = node.get("type")
     if kind == "FeatureCollection":
-        return [ring for feature in node["features"] for ring in _rings(feature)]
+        return [polygon for feature in node["features"] for polygon in _coordinates(feature)]
     if kind == "Feature":
-        return _rings(node["geometry"])
+        return _coordinates(node["geometry"])
     if kind == "GeometryCollection":
-        return [ring for geometry in node["geometries"] for ring in _rings(geometry)]
+        return [polygon for geometry in node["geometries"] for polygon in _coordinates(geometry)]
     if kind == "Polygon":
-        return list(node["coordinates"])
+        return [list(node["coordinates"])]
     if kind == "MultiPolygon":
-        return [ring for polygon in node["coordinates"] for ring in polygon]
+        return [list(polygon) for polygon in node["coordinates"]]
     raise ValueError(f"{kind!r} is neither Polygon nor MultiPolygon")
 
 
-def inside(rings: list[Float[np.ndarray, "vertices 2"]], shape: tuple[int, int]) -> Bool[np.ndarray, "y x"]:
+def inside(rings: list[Float[np.ndarray, "_ 2"]], shape: tuple[int, int]) -> Bool[np.ndarray, "y x"]:
     """Pixels of which the centre lies inside: a ray to the left crosses the rings an odd number of times."""
     lines, samples = shape
     used = np.zeros(shape, bool)
@@ -181,6 +185,8 @@ class Spot(NamedTuple):
     pixels: int
 
 
+# Readings of a spot that are read at a time.
+_AT_ONCE = 1 << 22
 _SPOT = re.compile(r"\s*(\d+)(?:\s*:\s*(\d+))?\s*,\s*(\d+)(?:\s*:\s*(\d+))?\s*")
 
 
@@ -217,7 +223,7 @@ def read_spot(cube: "xarray.DataArray", spot: str | Path) -> Spot:
     count, total, square = np.zeros(bands), np.zeros(bands), np.zeros(bands)
     shift, pixels = np.zeros(bands), 0
     top = cube.attrs.get("saturated", np.inf)
-    step = max(1, (1 << 22) // max(1, (x.stop - x.start) * bands))
+    step = max(1, _AT_ONCE // max(1, (x.stop - x.start) * bands))
     for start in range(int(rows[0]), int(rows[-1]) + 1, step):
         y = slice(start, min(start + step, int(rows[-1]) + 1))
         values = cube.isel(y=y, x=x).values[used[y, x]].astype(np.float64)

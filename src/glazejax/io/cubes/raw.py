@@ -1,5 +1,6 @@
 """What every kind of file gives: its own numbers on disk, and what it says of them."""
 
+import mmap
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -10,6 +11,12 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..cube import is_mark
+from ..source import refusal
+
+# Bytes of a mapped file that are let go together.
+_MAPPED = 1 << 26
+# What the system maps around a byte that is read.
+_AROUND = 1 << 16
 
 
 class OnDisk:
@@ -24,6 +31,8 @@ class OnDisk:
     def __init__(self, opener: Callable[..., Any], *arguments: Any, one_at_a_time: bool = False):
         self._call = opener, arguments, one_at_a_time
         self._array: Any = None
+        self._maps: list[mmap.mmap] = []
+        self._mapped = 0
         self._opening = threading.Lock()
         self._reading = threading.Lock() if one_at_a_time else None
 
@@ -33,7 +42,9 @@ class OnDisk:
         with self._opening:
             if self._array is None:
                 opener, arguments, _ = self._call
-                self._array = opener(*arguments)
+                array = opener(*arguments)
+                self._maps = _maps(array)
+                self._array = array
         return self._array
 
     def __getitem__(self, key: tuple[slice, ...]) -> np.ndarray:
@@ -43,9 +54,29 @@ class OnDisk:
         with self._reading:
             return np.asarray(array[key])
 
+    def used(self, count: int) -> None:
+        """Says that so many bytes were read and are not needed any more.
+
+        Pages of a mapped file count as this process' memory until they are let go; the system keeps them at hand.
+        """
+        self._mapped += count
+        if self._mapped > _MAPPED and hasattr(mmap, "MADV_DONTNEED"):
+            self._mapped = 0
+            for mapped in self._maps:
+                mapped.madvise(mmap.MADV_DONTNEED)
+
     def __reduce__(self) -> tuple[Any, ...]:
         opener, arguments, one_at_a_time = self._call
         return _on_disk, (opener, arguments, one_at_a_time)
+
+
+def _maps(array: Any) -> list[mmap.mmap]:
+    """Maps of files into memory that an array, or an array of arrays, lies in."""
+    if hasattr(array, "planes"):
+        return [mapped for plane in array.planes for mapped in _maps(plane)]
+    while isinstance(array, np.ndarray):
+        array = array.base
+    return [array] if isinstance(array, mmap.mmap) else []
 
 
 def _on_disk(opener: Callable[..., Any], arguments: tuple[Any, ...], one_at_a_time: bool) -> OnDisk:
@@ -65,6 +96,7 @@ class RawCube:
         shape: lines, samples, stored bands.
         dtype: of the numbers.
         piece: (y, x, bands) that the file stores together; 1 where any window can be read as it is.
+        apart: whether each band is stored as an image of its own.
         wavelengths: (stored bands,), nm, in the file's order; None where the file has none.
         good: the stored bands that are not marked as bad.
         gain: a stored number times this plus `offset` is the value.
@@ -85,6 +117,7 @@ class RawCube:
     shape: tuple[int, int, int]
     dtype: np.dtype[Any]
     piece: tuple[int, int, int] = (1, 1, 1)
+    apart: bool = False
     wavelengths: Float[np.ndarray, "stored"] | None = None
     good: Int[np.ndarray, "good"] | None = None
     gain: float = 1.0
@@ -106,13 +139,22 @@ class RawCube:
         return None if top in self.ignore else top
 
     def block(self, y: slice, x: slice, bands: Int[np.ndarray, "bands"]) -> np.ndarray:
-        """Stored numbers, (y, x, bands), in the file's type; a view of the file where it is mapped into memory."""
+        """Stored numbers, (y, x, bands), in the file's type; a view of the file where it is mapped into memory.
+
+        Raises:
+            ValueError: the file is damaged there.
+        """
         first = int(bands.min())
         run = slice(first, int(bands.max()) + 1)
         keys: list[slice] = [slice(None)] * 3
         for axis, key in zip(self.order, (y, x, run), strict=True):
             keys[axis] = key
-        part = self.data[tuple(keys)].transpose(self.order)
+        try:
+            part = self.data[tuple(keys)].transpose(self.order)
+        except (MemoryError, TypeError):
+            raise
+        except Exception as error:  # each package has its own for what is damaged
+            raise refusal(self.path, f"cannot be read; is the file whole? {error}") from error
         if bands.size == run.stop - first and bool((np.diff(bands) == 1).all()):
             return part
         return part[..., bands - first]
@@ -136,4 +178,6 @@ class RawCube:
         if self.gain != 1.0 or self.offset != 0.0:
             values *= self.gain
             values += self.offset
+        # At most whole lines of all bands, and what is mapped around each.
+        self.data.used(len(values) * self.shape[1] * self.shape[2] * self.dtype.itemsize + bands.size * _AROUND)
         return values

@@ -14,6 +14,9 @@ from ..spectra_table import listed
 from .axes import axes_of
 from .raw import OnDisk, RawCube
 
+TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
+"""What a TIFF begins with; + is BigTIFF."""
+
 _NM = re.compile(r"(?<![\d.])(\d{3,4}(?:\.\d+)?)[ _]?nm", re.IGNORECASE)
 _DIGITS = re.compile(r"\d+(?:\.\d+)?")
 # Wavelengths that a bare number in a file's name can be, nm.
@@ -63,7 +66,7 @@ def tiff_cube(path: Path, count: int | None) -> RawCube:
     _check_type(path, dtype)
     if wavelengths is not None and wavelengths.size != shape[2]:
         wavelengths = None
-    return RawCube(path, "TIFF", data, order, shape, dtype, piece, wavelengths, **place)
+    return RawCube(path, "TIFF", data, order, shape, dtype, piece, order[2] == 0, wavelengths, **place)
 
 
 def tiff_folder(path: Path, count: int | None) -> RawCube:
@@ -100,7 +103,7 @@ def tiff_folder(path: Path, count: int | None) -> RawCube:
     data = OnDisk(_files, *files, one_at_a_time=not memory)
     shape = (lines, samples, len(files))
     return RawCube(
-        path, "folder of TIFFs", data, (1, 2, 0), shape, dtype, (piece[0], piece[1], 1), wavelengths, **place
+        path, "folder of TIFFs", data, (1, 2, 0), shape, dtype, (piece[0], piece[1], 1), True, wavelengths, **place
     )
 
 

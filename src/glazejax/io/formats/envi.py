@@ -80,9 +80,9 @@ class EnviFile:
         self.header: dict[str, str | list[str]] = read_header(source)
         self.sizes: dict[str, int] = {title: self._whole(title, 1) for title in ("lines", "samples", "bands")}
         self._offset = self._whole("header offset", 0)
-        self._interleave = str(self.header["interleave"]).strip().lower()
-        if self._interleave not in _AXES:
-            raise self.error(f"the ENVI header is not legal: interleave is {self._interleave!r}, not bil, bip or bsq")
+        self.interleave: str = str(self.header["interleave"]).strip().lower()
+        if self.interleave not in _AXES:
+            raise self.error(f"the ENVI header is not legal: interleave is {self.interleave!r}, not bil, bip or bsq")
         kind, order = _TYPES.get(self._whole("data type", 0)), self._whole("byte order", 0)
         if kind is None or order > 1:
             raise self.error(
@@ -196,7 +196,7 @@ class EnviFile:
 
     def mapped(self) -> np.ndarray:
         """All numbers as they are stored, (lines, samples, bands), mapped into memory and not read."""
-        axes, order = _AXES[self._interleave]
+        axes, order = _AXES[self.interleave]
         with explained(self.data):
             shape = tuple(self.sizes[axis] for axis in axes)
             return np.memmap(self.data, self._dtype, "r", self._offset, shape).transpose(order)

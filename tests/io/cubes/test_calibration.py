@@ -1,0 +1,157 @@
+"""Reflectance from raw readings: against the formula on whole arrays, and where there is nothing to divide by."""
+
+import numpy as np
+import pytest
+
+from glazejax.io import open_cube, write_table
+
+from .images import BANDS, LINES, SAMPLES, WAVELENGTHS, envi, image
+
+
+@pytest.fixture
+def scene(tmp_path):
+    """Readings of 16 bits of a camera with a dark signal and an uneven light, and what they stand for."""
+    rng = np.random.default_rng(1)
+    truth = image()
+    dark = rng.integers(80, 120, (LINES, SAMPLES, BANDS))
+    white = dark + rng.integers(20_000, 40_000, (1, SAMPLES, BANDS))
+    raw = np.round(dark + truth * (white - dark)).astype(int)
+    return tmp_path, truth, raw, white, dark
+
+
+def counts(folder, values, name, **further):
+    """Counts as they are."""
+    return envi(folder, values, name=name, **{"reflectance scale factor": 1} | further)
+
+
+def test_references_of_the_cubes_size(scene):
+    folder, truth, raw, white, dark = scene
+    paths = {n: counts(folder, v, n) for n, v in (("raw", raw), ("white", white), ("dark", dark))}
+    cube = open_cube(paths["raw"], white=paths["white"], dark=paths["dark"], white_reflectance=0.98)
+    expected = (raw - dark) / (white - dark) * 0.98
+    np.testing.assert_allclose(cube.values, expected, rtol=2e-6)
+    np.testing.assert_allclose(cube.values, truth * 0.98, atol=4e-5)
+    part = cube.isel(y=slice(3, 19, 5), x=slice(4, 9))
+    np.testing.assert_allclose(part.values, expected[3:19:5, 4:9], rtol=2e-6)
+
+
+def test_frames_of_a_line_camera_are_averaged_over_their_lines(scene):
+    folder, _, raw, white, dark = scene
+    paths = {
+        "path": counts(folder, raw, "raw", interleave="bil"),
+        "white": counts(folder, white[:9], "white", interleave="bip", dtype="i4"),
+        "dark": counts(folder, dark[:150], "dark", dtype="f4"),
+    }
+    counts(folder, np.tile(dark, (8, 1, 1)), "dark", dtype="f4")
+    window = (2, 20, 5, 25)
+    cube = open_cube(**paths, window=window, binning=(2, 2, 2), bands=(400, 470))
+    zero, one = dark.mean(0), white[:9].mean(0)
+    expected = ((raw - zero) / (one - zero))[2:20, 5:25, :6].reshape(9, 2, 10, 2, 3, 2).mean((1, 3, 5))
+    np.testing.assert_allclose(cube.values, expected, rtol=1e-5)
+    notes = " | ".join(cube.attrs["notes"])
+    assert "the white reference is the mean of its 9 lines" in notes
+    assert f"the dark reference is the mean of its {8 * LINES} lines" in notes
+
+
+def test_one_spectrum_as_text_npy_or_a_pixel(scene):
+    folder, _, raw, white, dark = scene
+    path = counts(folder, raw, "raw")
+    one, zero = white[0, 0].astype(float), dark[0, 0].astype(float)
+    (folder / "white.txt").write_text("# counts\n" + "\n".join(map(str, one)))
+    np.save(folder / "dark.npy", zero)
+    expected = (raw - zero) / (one - zero)
+    cube = open_cube(path, white=folder / "white.txt", dark=folder / "dark.npy")
+    np.testing.assert_allclose(cube.values, expected, rtol=2e-6)
+    again = open_cube(path, white=counts(folder, one[None, None], "pixel"), dark=folder / "dark.npy")
+    np.testing.assert_allclose(again.values, expected, rtol=2e-6)
+    without = open_cube(path, white=folder / "white.txt")
+    np.testing.assert_allclose(without.values, raw / one, rtol=2e-6)
+
+
+def test_the_whites_own_spectrum(scene):
+    folder, _, raw, white, dark = scene
+    own = np.linspace(0.9, 0.99, 12)
+    grid = np.linspace(390, 510, 12)
+    write_table(folder / "own.csv", ["name", *(f"{w:.12g}" for w in grid)], [["tile", *own], ["other", *own / 2]])
+    paths = {n: counts(folder, v, n) for n, v in (("raw", raw), ("white", white), ("dark", dark))}
+    references = {"white": paths["white"], "dark": paths["dark"]}
+    cube = open_cube(paths["raw"], **references, white_reflectance=f"{folder / 'own.csv'}:tile")
+    expected = (raw - dark) / (white - dark) * np.interp(WAVELENGTHS, grid, own)
+    np.testing.assert_allclose(cube.values, expected, rtol=3e-6)
+    with pytest.raises(ValueError, match="holds 2 spectra: choose one"):
+        open_cube(paths["raw"], **references, white_reflectance=folder / "own.csv")
+    write_table(folder / "short.csv", ["name", "450", "460"], [["tile", 0.9, 0.9]])
+    with pytest.raises(ValueError, match="white's own reflectance: cannot resample"):
+        open_cube(paths["raw"], **references, white_reflectance=folder / "short.csv")
+
+
+def test_no_light_gives_nan_and_saturation_gives_infinity(scene):
+    folder, _, raw, white, dark = scene
+    white[:, 3, 2] = dark[:, 3, 2]
+    white[:, 4, 2] = dark[:, 4, 2] - 1
+    white[:, 5, 2] = 65535
+    raw[6, 7, 1] = 65535
+    raw[0, 0] = 50
+    paths = {n: counts(folder, v, n) for n, v in (("raw", raw), ("white", white), ("dark", dark))}
+    cube = open_cube(paths["raw"], white=paths["white"], dark=paths["dark"])
+    values = cube.values
+    assert np.isnan(values[:, 3:6, 2]).all()
+    assert np.isposinf(values[6, 7, 1])
+    assert (values[0, 0, :2] < 0).all()
+    assert np.isfinite(np.delete(values, [3, 4, 5, 7], axis=1)).all()
+    assert cube.attrs["saturated"] == np.inf
+    # A bin that holds a saturated reading is saturated, one that holds a missing reading is the mean of the others.
+    coarse = open_cube(paths["raw"], white=paths["white"], dark=paths["dark"], binning=(2, 2, 1)).values
+    assert np.isposinf(coarse[3, 3, 1])
+    np.testing.assert_allclose(coarse[2, 3, 2], values[4:6, 6:8, 2].mean(), rtol=1e-5)
+    np.testing.assert_allclose(coarse[1, 1, 2], values[2:4, 2, 2].mean(), rtol=1e-5)
+
+
+def test_saturated_readings_in_bins_without_calibration(tmp_path):
+    values = image()
+    path = envi(tmp_path, values)
+    raw = np.memmap(path.with_suffix(".img"), "<u2", "r+", shape=(BANDS, LINES, SAMPLES))
+    raw[2, 5, 6] = 65535
+    raw.flush()
+    assert open_cube(path).values[5, 6, 2] >= open_cube(path).attrs["saturated"]
+    coarse = open_cube(path, binning=(2, 2, 1))
+    assert coarse.attrs["saturated"] == np.inf
+    assert np.isposinf(coarse.values[2, 3, 2])
+    assert np.isposinf(coarse.values).sum() == 1
+
+
+@pytest.mark.parametrize(
+    ("size", "complaint"),
+    [
+        ((4, SAMPLES - 1, BANDS), "give a frame of the same width"),
+        ((4, SAMPLES, BANDS - 1), "6 bands; the cube has 7"),
+        ((LINES, 1, BANDS), None),
+    ],
+)
+def test_references_of_another_size(tmp_path, size, complaint):
+    path = counts(tmp_path, image() * 10_000, "raw")
+    np.save(tmp_path / "white.npy", np.full(size, 20_000, "u2"))
+    if complaint is None:
+        np.testing.assert_allclose(open_cube(path, white=tmp_path / "white.npy").values, image() / 2, rtol=1e-5)
+        return
+    with pytest.raises(ValueError, match=complaint) as caught:
+        open_cube(path, white=tmp_path / "white.npy")
+    assert "white.npy" in str(caught.value)
+
+
+def test_calibrations_that_mean_nothing(tmp_path):
+    path = counts(tmp_path, image() * 10_000, "raw")
+    np.save(tmp_path / "white.npy", np.full(BANDS, 20_000.0))
+    with pytest.raises(ValueError, match="a dark reference alone"):
+        open_cube(path, dark=tmp_path / "white.npy")
+    with pytest.raises(ValueError, match="not both"):
+        open_cube(path, white=tmp_path / "white.npy", scale=3)
+    for own in (0, -1, 99, np.nan):
+        with pytest.raises(ValueError, match="the white's own reflectance is"):
+            open_cube(path, white=tmp_path / "white.npy", white_reflectance=own)
+    other = counts(tmp_path, image() * 10_000, "other", wavelengths=np.array(WAVELENGTHS) + 3)
+    with pytest.raises(ValueError, match="other wavelengths than the cube"):
+        open_cube(path, white=other)
+    np.save(tmp_path / "short.npy", np.ones(BANDS - 1))
+    with pytest.raises(ValueError, match="6 readings; the cube has 7 bands"):
+        open_cube(path, white=tmp_path / "short.npy")

@@ -1,0 +1,166 @@
+"""What is wrong with a file or an option is one sentence that names it."""
+
+import h5py
+import numpy as np
+import pytest
+import tifffile
+import xarray as xr
+import zarr as zarr_package
+
+from glazejax.io import CubeSource, open_cube, write_table
+
+from .images import BANDS, LINES, SAMPLES, WAVELENGTHS, envi, every, hdf5, image, labelled, tiff, tiffs, zarr
+
+
+def refused(path, complaint, kind=ValueError, **further):
+    """Assert that a file is refused in one line that names it."""
+    with pytest.raises(kind, match=complaint) as caught:
+        open_cube(path, **further)
+    message = str(caught.value)
+    assert "\n" not in message
+    assert path.stem in message or path.parent.stem in message
+    assert len(message) < 500
+
+
+def test_header_that_promises_more_than_there_is(tmp_path):
+    path = envi(tmp_path, image())
+    data = path.with_suffix(".img")
+    data.write_bytes(data.read_bytes()[:-1])
+    refused(path, "promises .* the file was cut short")
+    refused(data, "promises .* the file was cut short")
+    data.unlink()
+    refused(path, "no data beside this ENVI header", FileNotFoundError)
+
+
+@pytest.mark.parametrize(
+    ("wavelengths", "complaint"),
+    [
+        (None, "no wavelengths for 7 bands; give them"),
+        ([1, 2, 3, 4, 5, 6, 7], "look like band numbers"),
+        ([400, 410, 420, 430, 450, 470, -3], "finite and positive"),
+    ],
+)
+def test_wavelengths_that_are_none(tmp_path, wavelengths, complaint):
+    refused(envi(tmp_path, image(), wavelengths=wavelengths), complaint)
+
+
+def test_given_wavelengths(tmp_path):
+    path = envi(tmp_path, image(), wavelengths=None)
+    np.testing.assert_allclose(open_cube(path, wavelengths=WAVELENGTHS).values, image(), atol=1e-6)
+    micrometres = np.array(WAVELENGTHS) / 1000
+    np.testing.assert_allclose(open_cube(path, wavelengths=micrometres)["wavelength"], WAVELENGTHS)
+    refused(path, "6 wavelengths were given for 7 bands", wavelengths=WAVELENGTHS[:-1])
+    (tmp_path / "image.txt").write_text("400 410 x")
+    refused(tmp_path / "image.txt", "not an image of spectra")
+    with pytest.raises(ValueError, match=r"image\.txt: not a list of numbers"):
+        open_cube(path, wavelengths=tmp_path / "image.txt")
+    with pytest.raises(ValueError, match="finite numbers: there are none"):
+        open_cube(path, wavelengths=[])
+    with pytest.raises(FileNotFoundError):
+        open_cube(path, wavelengths=tmp_path / "none.txt")
+
+
+def test_windows_bins_and_limits_that_do_not_fit(tmp_path):
+    path = envi(tmp_path, image())
+    for window in ((0, LINES + 1, 0, 3), (5, 5, 0, 3), (0, 3, 9, 4), (-1, 3, 0, 3), (0, 3, 0, SAMPLES + 1)):
+        refused(path, f"does not lie in the image of {LINES} lines x {SAMPLES} samples", window=window)
+    refused(path, f"bins of 24 lines are larger than the {LINES} lines", binning=(24, 1, 1))
+    refused(path, "bins of 5 samples are larger than the 4 samples", window=(0, 9, 3, 7), binning=(1, 5, 1))
+    refused(path, "bins of 8 bands are larger than the 7 bands", binning=(1, 1, 8))
+    refused(path, "no band lies from 1000 to 1700 nm; the image has 400-500 nm", bands=(1000, 1700))
+    for binning in ((0, 1, 1), (1, 1, -2)):
+        with pytest.raises(ValueError, match="must be three whole numbers"):
+            CubeSource(path, binning=binning).open()
+    for scale in (0.0, -1.0, float("nan")):
+        with pytest.raises(ValueError, match=r"scale is .*; it must be positive"):
+            open_cube(path, scale=scale)
+
+
+def test_datasets_that_are_not_there(tmp_path):
+    path = hdf5(tmp_path, image())
+    refused(path, "no dataset 'cube' with three axes of numbers; there are SITE/Reflectance/Refl", dataset="cube")
+    with h5py.File(path, "a") as file:
+        for group in "ab":
+            file.create_dataset(f"{group}/raw", data=image())
+    assert open_cube(path)["wavelength"].size == BANDS  # one is called reflectance
+    refused(path, "'raw' is the name of 2 arrays: say which with its groups: .*a/raw", dataset="raw")
+    with h5py.File(path, "a") as file:
+        file.move("SITE/Reflectance/Reflectance_Data", "SITE/Reflectance/data")
+    refused(path, r"3 arrays can be meant, choose a dataset: .*SITE/Reflectance/data \(23, 31, 7\)")
+    np.testing.assert_allclose(open_cube(path, dataset="b/raw").values, image(), atol=1e-6)
+    refused(envi(tmp_path, image()), "has no datasets; leave 'x' out", dataset="x")
+
+
+def test_files_without_an_image(tmp_path):
+    xr.Dataset({"a": ("x", [1.0, 2.0])}).to_netcdf(tmp_path / "flat.nc", engine="h5netcdf")
+    refused(tmp_path / "flat.nc", "no array has three axes of numbers")
+    refused(tmp_path / "flat.nc", "no dataset 'a' with three axes of numbers; there is none", dataset="a")
+    zarr_package.open_group(tmp_path / "empty.zarr", mode="w")
+    refused(tmp_path / "empty.zarr", "no array has three axes of numbers")
+    (tmp_path / "nothing").mkdir()
+    refused(tmp_path / "nothing", "a folder without an image")
+    refused(tmp_path / "nothing", "no datasets", dataset="a")
+    refused(tmp_path / "gone.hdr", "", FileNotFoundError)
+    write_table(tmp_path / "table.csv", ["name", "400"], [["a", 0.5]])
+    refused(tmp_path / "table.csv", "not an image of spectra that is known: ENVI, zarr")
+    np.save(tmp_path / "flat.npy", np.ones((4, 5)))
+    refused(tmp_path / "flat.npy", "not an image of y, x, wavelength")
+    np.save(tmp_path / "complex.npy", np.ones((4, 5, 6), complex))
+    refused(tmp_path / "complex.npy", "type complex128")
+    tifffile.imwrite(tmp_path / "one.tif", np.ones((9, 9), "u1"))
+    refused(tmp_path / "one.tif", "not an image of several bands")
+    with tifffile.TiffWriter(tmp_path / "two.tif") as writer:
+        writer.write(np.ones((9, 9), "u1"))
+        writer.write(np.ones((9, 8), "u1"))
+    refused(tmp_path / "two.tif", "not an image of several bands of one size and type: 2 pages")
+
+
+@pytest.mark.parametrize("kind", ["npy", "netcdf", "classic", "hdf5", "tiff", "packed tiff", "pages"])
+def test_files_cut_short(tmp_path, kind):
+    further = every(tmp_path, image())[kind]
+    path = further.pop("path")
+    content = path.read_bytes()
+    for length in (20, len(content) // 3, len(content) // 2):
+        path.write_bytes(content[:length])
+        with pytest.raises((ValueError, OSError)) as caught:
+            open_cube(path, **further).load()
+        assert path.name in str(caught.value)
+        assert "\n" not in str(caught.value)
+
+
+def test_folders_of_tiffs_that_do_not_belong_together(tmp_path):
+    path = tiffs(tmp_path, image(), form="f{:g}.tif")
+    tifffile.imwrite(path / "f480.tif", np.ones((LINES, SAMPLES), "u1"))
+    refused(path / "f480.tif".replace("f480.tif", ""), "uint8 where f400.tif has")
+    (path / "f480.tif").write_bytes(b"no")
+    refused(path, "f480.tif: not a whole TIFF")
+
+
+def test_folder_of_tiffs_without_wavelengths(tmp_path):
+    path = tmp_path / "bands"
+    path.mkdir()
+    for name in "abc":
+        tifffile.imwrite(path / f"{name}.tif", np.full((9, 9), 0.5, "f4"))
+    refused(path, "no wavelengths for 3 bands")
+    assert open_cube(path, wavelengths=[500, 400, 600])["wavelength"].values.tolist() == [400, 500, 600]
+
+
+def test_image_without_any_data(tmp_path):
+    path = zarr(tmp_path, labelled(np.full((9, 9, BANDS), np.nan, "f4")))
+    refused(path, "no pixel that was looked at has data: give the scale")
+    assert np.isnan(open_cube(path, scale=1).values).all()
+
+
+def test_wavelengths_of_another_number_of_pages_are_not_used(tmp_path):
+    refused(tiff(tmp_path, image()[..., :3], name="three.tif"), "no wavelengths for 3 bands")
+
+
+def test_a_missing_package_is_one_sentence(tmp_path, monkeypatch):
+    from importlib import metadata
+
+    from glazejax import extras
+
+    path = envi(tmp_path, image())
+    monkeypatch.setattr(extras, "distribution", lambda name: (_ for _ in ()).throw(metadata.PackageNotFoundError(name)))
+    with pytest.raises(ModuleNotFoundError, match=r'pip install "glazejax\[cube\]"'):
+        open_cube(path)

@@ -1,0 +1,223 @@
+"""Masks from pictures and polygons, spectra of spots, quick hashes."""
+
+import json
+import shutil
+
+import matplotlib.path
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+
+from glazejax.io import open_cube, quick_source_hash, read_mask, read_spot
+from glazejax.io.cubes.places import inside
+
+from .images import BANDS, LINES, SAMPLES, envi, image, labelled, zarr
+
+SHAPE = (LINES, SAMPLES)
+BOX = [[4, 3], [10, 3], [10, 8], [4, 8]]
+
+
+def png(folder, values, name="mask.png"):
+    Image.fromarray(values).save(folder / name)
+    return folder / name
+
+
+@pytest.mark.parametrize("kind", ["grey", "16 bit", "1 bit", "rgb", "rgba", "palette", "grey alpha"])
+def test_pictures_of_all_kinds(tmp_path, kind):
+    used = np.random.default_rng(0).random(SHAPE) < 0.5
+    grey = Image.fromarray(np.where(used, 7, 0).astype("u1"))
+    made = {
+        "grey": lambda: grey,
+        "16 bit": lambda: Image.fromarray(np.where(used, 256, 0).astype("u2")),
+        "1 bit": lambda: Image.fromarray(used),
+        "rgb": lambda: Image.fromarray(np.stack([np.zeros(SHAPE, "u1"), used.astype("u1"), used * 0], 2).astype("u1")),
+        "rgba": lambda: Image.fromarray(np.where(used[..., None], 255, [9, 9, 9, 0]).astype("u1")),
+        "palette": lambda: grey.convert("P"),
+        "grey alpha": lambda: grey.convert("LA"),
+    }[kind]()
+    made.save(tmp_path / "mask.png")
+    np.testing.assert_array_equal(read_mask(tmp_path / "mask.png", SHAPE), used)
+
+
+def test_mask_of_another_size(tmp_path):
+    path = png(tmp_path, np.ones((SAMPLES, LINES), "u1"))
+    with pytest.raises(ValueError, match=f"has {SAMPLES} lines x {LINES} samples; the image has {LINES} lines"):
+        read_mask(path, SHAPE)
+    cube = open_cube(envi(tmp_path, image()), binning=(2, 3, 1))
+    with pytest.raises(ValueError, match="opened as 11 x 10"):
+        read_mask(path, cube)
+
+
+def test_masks_are_windowed_and_binned_as_the_cube_is(tmp_path):
+    used = np.random.default_rng(0).random(SHAPE) < 0.5
+    cube = open_cube(envi(tmp_path, image()), window=(2, 21, 3, 30), binning=(2, 3, 1))
+    expected = used[2:20, 3:30].reshape(9, 2, 9, 3).mean((1, 3)) >= 0.5
+    np.testing.assert_array_equal(read_mask(png(tmp_path, used), cube), expected)
+    np.testing.assert_array_equal(read_mask(png(tmp_path, expected), cube), expected)
+
+
+@pytest.mark.parametrize("closed", [False, True])
+@pytest.mark.parametrize("form", ["polygon", "feature", "collection", "multi", "list", "csv", "titled"])
+def test_polygons_of_all_forms(tmp_path, form, closed):
+    ring = [*BOX, BOX[0]] if closed else BOX
+    polygon = {"type": "Polygon", "coordinates": [ring]}
+    rows = "\n".join(f"{x}, {y}" for x, y in ring)
+    made = {
+        "polygon": json.dumps(polygon),
+        "feature": json.dumps({"type": "Feature", "properties": {}, "geometry": polygon}),
+        "collection": json.dumps({"type": "FeatureCollection", "features": [{"type": "Feature", "geometry": polygon}]}),
+        "multi": json.dumps({"type": "MultiPolygon", "coordinates": [[ring]]}),
+        "list": json.dumps(ring),
+        "csv": rows,
+        "titled": f"x,y\n{rows}\n",
+    }[form]
+    (tmp_path / "shape.txt").write_text(made)
+    expected = np.zeros(SHAPE, bool)
+    expected[3:8, 4:10] = True
+    np.testing.assert_array_equal(read_mask(tmp_path / "shape.txt", SHAPE), expected)
+
+
+def test_holes_and_polygons_that_overlap(tmp_path):
+    hole, other = [[5, 4], [7, 4], [7, 6], [5, 6]], [[8, 6], [12, 6], [12, 12], [8, 12]]
+    (tmp_path / "a.json").write_text(json.dumps({"type": "MultiPolygon", "coordinates": [[BOX, hole], [other]]}))
+    expected = np.zeros(SHAPE, bool)
+    expected[3:8, 4:10] = expected[6:12, 8:12] = True
+    expected[4:6, 5:7] = False
+    np.testing.assert_array_equal(read_mask(tmp_path / "a.json", SHAPE), expected)
+    (tmp_path / "b.csv").write_text("\n\n".join("\n".join(f"{x};{y}" for x, y in ring) for ring in (BOX, other)))
+    expected[4:6, 5:7] = True
+    np.testing.assert_array_equal(read_mask(tmp_path / "b.csv", SHAPE), expected)
+
+
+@given(st.lists(st.tuples(st.floats(-5, SAMPLES + 5), st.floats(-5, LINES + 5)), min_size=3, max_size=7))
+def test_simple_polygons_as_matplotlib_has_them(points):
+    ring = np.array(points) + 0.001
+    centre = ring.mean(0)
+    ring = ring[np.argsort(np.arctan2(*(ring - centre).T))]  # a star about its centre crosses itself nowhere
+    y, x = np.mgrid[:LINES, :SAMPLES] + 0.5
+    places = np.stack([x.ravel(), y.ravel()], 1)
+    path = matplotlib.path.Path(ring)
+    certain = path.contains_points(places, radius=1e-3) == path.contains_points(places, radius=-1e-3)
+    found = inside([ring], SHAPE).ravel()
+    np.testing.assert_array_equal(found[certain], path.contains_points(places)[certain])
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("1,2\n3,4\n", "needs three vertices; one has 2"),
+        ("", "holds no polygon"),
+        ("1,2\n3,4,5\n", "line 2: 3 numbers where a vertex has x,y"),
+        ("x,y\n1,2\nno,9\n", "line 3: 'no,9' is not x,y"),
+        ("{bad", "not GeoJSON"),
+        ('{"type": "Point", "coordinates": [1, 2]}', "'Point' is neither Polygon nor MultiPolygon"),
+        ('{"type": "Polygon", "coordinates": [[1, 2], [3, 4], [5, 6]]}', "list of x, y pairs"),
+        ('{"type": "Polygon", "coordinates": [[["a", 2], [3, 4], [5, 6]]]}', "list of x, y pairs"),
+        ("100,100\n110,100\n110,110", "uses no pixel"),
+    ],
+)
+def test_polygons_that_are_none(tmp_path, text, complaint):
+    (tmp_path / "shape.json").write_text(text)
+    with pytest.raises(ValueError, match=complaint) as caught:
+        read_mask(tmp_path / "shape.json", SHAPE)
+    assert "shape.json" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_damaged_and_black_pictures(tmp_path):
+    path = png(tmp_path, np.random.default_rng(0).integers(0, 255, SHAPE).astype("u1"))
+    path.write_bytes(path.read_bytes()[:200])
+    with pytest.raises(ValueError, match="not a whole picture"):
+        read_mask(path, SHAPE)
+    with pytest.raises(ValueError, match="uses no pixel"):
+        read_mask(png(tmp_path, np.zeros(SHAPE, "u1")), SHAPE)
+
+
+def test_spots(tmp_path):
+    values = image()
+    values[3, 4, 1] = np.nan
+    cube = open_cube(envi(tmp_path, values, dtype="f4"))
+    spot = read_spot(cube, "4,3")
+    np.testing.assert_allclose(spot.reflectance, values[3, 4], atol=1e-6)
+    assert spot.pixels == 1
+    assert np.isnan(spot.deviation).all()
+    spot = read_spot(cube, " 2:9, 1:6 ")
+    part = values[1:6, 2:9].reshape(-1, BANDS)
+    np.testing.assert_allclose(spot.reflectance, np.nanmean(part, 0), atol=1e-6)
+    np.testing.assert_allclose(spot.deviation, np.nanstd(part, 0, ddof=1), atol=1e-6)
+    assert spot.pixels == 35
+    np.testing.assert_array_equal(spot.wavelengths, cube["wavelength"])
+    used = np.random.default_rng(0).random(SHAPE) < 0.3
+    spot = read_spot(cube, png(tmp_path, used))
+    np.testing.assert_allclose(spot.reflectance, np.nanmean(values[used], 0), atol=1e-6)
+    np.testing.assert_allclose(spot.deviation, np.nanstd(values[used], 0, ddof=1), atol=1e-6)
+
+
+def test_spots_in_parts_and_near_one_value(tmp_path, monkeypatch):
+    values = 0.7 + 1e-5 * image()
+    cube = open_cube(envi(tmp_path, values, dtype="f8"))
+    monkeypatch.setattr("glazejax.io.cubes.places._AT_ONCE", SAMPLES * BANDS)
+    spot = read_spot(cube, f"0:{SAMPLES},0:{LINES}")
+    part = values.astype("f4").reshape(-1, BANDS).astype(float)
+    np.testing.assert_allclose(spot.reflectance, part.mean(0), rtol=1e-12)
+    np.testing.assert_allclose(spot.deviation, part.std(0, ddof=1), rtol=1e-6)
+
+
+def test_spots_leave_saturated_readings_out(tmp_path):
+    path = envi(tmp_path, image())
+    raw = np.memmap(path.with_suffix(".img"), "<u2", "r+", shape=(BANDS, LINES, SAMPLES))
+    raw[2, 5, 6] = 65535
+    raw.flush()
+    spot = read_spot(open_cube(path), "6:8,5")
+    np.testing.assert_allclose(spot.reflectance[2], image()[5, 7, 2], atol=1e-6)
+
+
+def test_spots_elsewhere(tmp_path):
+    values = image()
+    values[3, 4] = np.nan
+    cube = open_cube(envi(tmp_path, values, dtype="f4"))
+    with pytest.raises(ValueError, match=f"x goes from 0 to {SAMPLES}, y from 0 to {LINES}"):
+        read_spot(cube, f"{SAMPLES},2")
+    with pytest.raises(ValueError, match="does not lie in the image"):
+        read_spot(cube, "5:2,3")
+    with pytest.raises(ValueError, match="has no data"):
+        read_spot(cube, "4,3")
+    with pytest.raises(FileNotFoundError, match="neither a place such as 120,45"):
+        read_spot(cube, "here")
+
+
+def test_hash_follows_header_data_and_nothing_else(tmp_path):
+    path = envi(tmp_path, image())
+    first = quick_source_hash(path)
+    assert quick_source_hash(path.with_suffix(".img")) == first
+    (tmp_path / "other").mkdir()
+    for file in (path, path.with_suffix(".img")):
+        shutil.copy(file, tmp_path / "other" / file.name)
+    assert quick_source_hash(tmp_path / "other" / "image.hdr") == first
+    path.write_text(path.read_text() + "; a remark\n")
+    second = quick_source_hash(path)
+    raw = np.memmap(path.with_suffix(".img"), "u1", "r+")
+    raw[-1] ^= 1
+    raw.flush()
+    assert len({first, second, quick_source_hash(path)}) == 3
+
+
+def test_hash_of_a_large_file_and_of_a_folder(tmp_path):
+    big = tmp_path / "big.npy"
+    with big.open("wb") as file:
+        file.truncate(10 << 30)
+    first = quick_source_hash(big)
+    with big.open("r+b") as file:
+        file.seek((10 << 30) - 5)
+        file.write(b"x")
+    assert quick_source_hash(big) != first
+    path = zarr(tmp_path, labelled(image()))
+    first = quick_source_hash(path)
+    assert quick_source_hash(path) == first
+    metadata = path / "zarr.json"
+    metadata.write_text(metadata.read_text() + " ")
+    assert quick_source_hash(path) != first
+    with pytest.raises(FileNotFoundError):
+        quick_source_hash(tmp_path / "none")
