@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import spectral.io.envi as spy
 import tifffile
+import xarray as xr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -93,13 +94,41 @@ def test_what_does_not_fill_a_bin_is_said(files):
         assert words in notes
 
 
-def test_scattered_points(files):
-    import xarray as xr
+@given(data=st.data(), kind=st.sampled_from(KINDS), each=st.sampled_from([1, 2]))
+def test_scattered_points(files, data, kind, each):
+    cube = open_cube(**files[kind], binning=(each, each, 1))
+    expected = binned(gappy(), (each, each, 1))
+    pairs = data.draw(st.lists(st.tuples(*(st.integers(-n, n - 1) for n in cube.shape)), min_size=0, max_size=9))
+    y, x, band = (xr.DataArray([pair[i] for pair in pairs], dims="point").astype(int) for i in range(3))
+    np.testing.assert_allclose(cube.isel(y=y, x=x).values, expected[y.values, x.values], atol=3e-7)
+    three = cube.isel(y=y, x=x, wavelength=band).values
+    np.testing.assert_allclose(three, expected[y.values, x.values, band.values], atol=3e-7)
+    across = xr.DataArray(x.values, dims="other")
+    two = cube.isel(y=y, x=across, wavelength=band).values
+    np.testing.assert_allclose(two, expected[y.values[:, None], x.values, band.values[:, None]], atol=3e-7)
 
-    y, x = xr.DataArray([3, 20, 7], dims="point"), xr.DataArray([30, 2, 2], dims="point")
-    for kind in KINDS:
-        values = open_cube(**files[kind]).isel(y=y, x=x).values
-        np.testing.assert_allclose(values, gappy()[[3, 20, 7], [30, 2, 2]], atol=1e-6)
+
+def test_points_far_apart_are_read_each_for_itself(tmp_path, monkeypatch):
+    from glazejax.io.cubes.raw import RawCube
+
+    fields = {"lines": 5000, "samples": 5000, "bands": 10, "data type": 12, "interleave": "bil", "byte order": 0}
+    further = {"wavelength": list(range(400, 500, 10)), "reflectance scale factor": 10_000}
+    spy.create_image(str(tmp_path / "big.hdr"), fields | further, force=True)
+    cube = open_cube(tmp_path / "big.hdr")
+    seen, block = [], RawCube.block
+
+    def counted(self, y, x, bands):
+        seen.append((y.stop - y.start) * (x.stop - x.start))
+        return block(self, y, x, bands)
+
+    monkeypatch.setattr(RawCube, "block", counted)
+    places = np.random.default_rng(0).integers(0, 5000, (2, 300))
+    y, x = (xr.DataArray(row, dims="point") for row in places)
+    assert cube.isel(y=y, x=x).values.shape == (300, 10)
+    assert sum(seen) < 300 * 64 * 64
+    seen.clear()
+    assert cube.isel(y=[0, 4999, 7], x=[4998, 3]).values.shape == (3, 2, 10)
+    assert sum(seen) < 100
 
 
 @pytest.mark.parametrize("kind", KINDS)

@@ -8,15 +8,10 @@ import numpy as np
 import xarray
 from jaxtyping import Float, Int
 from xarray.backends import BackendArray
-from xarray.core.indexing import (
-    ExplicitIndexer,
-    IndexingSupport,
-    LazilyIndexedArray,
-    VectorizedIndexer,
-    explicit_indexing_adapter,
-)
+from xarray.core.indexing import ExplicitIndexer, LazilyIndexedArray, VectorizedIndexer
 
 from .calibration import Calibration
+from .indexing import outer, pointwise
 from .raw import RawCube
 
 # Numbers worked on at a time: few enough for a processor's cache, so that bands that lie apart are brought together
@@ -52,13 +47,9 @@ class Reading:
         y0, y1, x0, x1 = self.window
         return (y1 - y0) // self.binning[0], (x1 - x0) // self.binning[1], len(self.bands)
 
-    def take(self, key: tuple[Any, ...]) -> np.ndarray:
-        """Reflectance at a tuple of whole numbers and slices with positive steps, one for each of the dims."""
-        ranges = [
-            range(k, k + 1) if isinstance(k, int | np.integer) else range(*k.indices(n))
-            for k, n in zip(key, self.shape, strict=True)
-        ]
-        lines, samples, bands = ranges
+    def take(self, key: tuple[slice, ...]) -> Float[np.ndarray, "y x bands"]:
+        """Reflectance of a window: a slice with a positive step along each of the dims."""
+        lines, samples, bands = (range(size)[part] for part, size in zip(key, self.shape, strict=True))
         values = np.empty((len(lines), len(samples), len(bands)), np.float32)
         if values.size:
             groups = self.bands[bands.start : bands.stop : bands.step]
@@ -67,7 +58,7 @@ class Reading:
                 few = groups[first : first + each]
                 for part in self._strips(lines, len(samples) * self.binning[1] * few.size):
                     values[part, :, first : first + each] = self._strip(lines[part], samples, few)
-        return np.asarray(values[tuple(0 if isinstance(k, int | np.integer) else slice(None) for k in key)])
+        return values
 
     def _strips(self, lines: range, width: int) -> Iterator[slice]:
         """Parts of the lines that are read at a time: whole pieces of the file, and of bearable size."""
@@ -135,13 +126,8 @@ class LazyReflectance(BackendArray):
         self.dtype = np.dtype(np.float32)
 
     def __getitem__(self, key: ExplicitIndexer) -> np.ndarray:
-        if not isinstance(key, VectorizedIndexer):
-            # xarray does not take an empty part that runs backwards, nor an empty list.
-            parts = [(k, n) for k, n in zip(key.tuple, self.shape, strict=True) if not isinstance(k, int | np.integer)]
-            sizes = [len(range(n)[k]) if isinstance(k, slice) else k.size for k, n in parts]
-            if 0 in sizes:
-                return np.empty(sizes, self.dtype)
-        return explicit_indexing_adapter(key, self.shape, IndexingSupport.BASIC, self.reading.take)
+        by_points = isinstance(key, VectorizedIndexer)
+        return (pointwise if by_points else outer)(self.reading.take, key.tuple, self.shape)
 
 
 def as_data_array(
