@@ -25,6 +25,13 @@ OPTIONAL = {
     "trimesh": "scene",
     "embreex": "scene",
     "OpenEXR": "scene",
+    "xarray": "cube",
+    "zarr": "cube",
+    "dask": "cube",
+    "distributed": "cube",
+    "h5netcdf": "cube",
+    "tifffile": "cube",
+    "PIL": "cube",
 }
 
 _BLOCK = f"""
@@ -87,6 +94,7 @@ from glazefit.posterior.arviz import load_arviz
 for extra, call in (
     ("plots", lambda: save_png("a.png", np.zeros((2, 2, 3), np.uint8))),
     ("arviz", load_arviz),
+    ("cube", lambda: glazejax.io.open_cube("a.npy")),
 ):
     try:
         call()

@@ -1,6 +1,8 @@
 """Images of spectra that tests write with programs of others and open with ours."""
 
 import warnings
+from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -17,7 +19,17 @@ def image(seed=0, lines=LINES, samples=SAMPLES):
     return np.random.default_rng(seed).integers(1, 10_000, (lines, samples, BANDS)) / 10_000
 
 
-def envi(folder, values, *, interleave="bsq", dtype="u2", order=0, name="image", wavelengths=WAVELENGTHS, **fields):
+def envi(
+    folder: Path,
+    values: np.ndarray,
+    *,
+    interleave: Any = "bsq",
+    dtype: Any = "u2",
+    order: Any = 0,
+    name: Any = "image",
+    wavelengths: Any = WAVELENGTHS,
+    **fields: Any,
+) -> Path:
     """Image that Spectral Python writes: whole numbers of 16 bits or more in ten thousandths."""
     kind = np.dtype(dtype).kind
     if kind != "f":
@@ -75,7 +87,13 @@ def tiff(folder, values, *, name="image.tif", pages=False, **further):
     planes = np.moveaxis(values, 2, 0).astype("f4")
     if not pages:
         tifffile.imwrite(
-            path, planes, byteorder=">", bigtiff=True, metadata={"wavelengths": list(WAVELENGTHS)}, **further
+            path,
+            planes,
+            photometric="minisblack",
+            byteorder=">",
+            bigtiff=True,
+            metadata={"wavelengths": list(WAVELENGTHS)},
+            **further,
         )
         return path
     with tifffile.TiffWriter(path) as writer:
@@ -93,7 +111,7 @@ def tiffs(folder, values, *, form="band_{:g}nm.tif", **further):
     return path
 
 
-def every(folder, values):
+def every(folder: Path, values: np.ndarray) -> dict[str, dict[str, Any]]:
     """The same image in every kind of file: what `open_cube` needs to open it."""
     dataset = labelled(values.astype("f4"))
     dataset.to_netcdf(folder / "new.nc", engine="h5netcdf", encoding={"reflectance": {"chunksizes": (8, 8, 3)}})

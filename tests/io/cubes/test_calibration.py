@@ -1,5 +1,7 @@
 """Reflectance from raw readings: against the formula on whole arrays, and where there is nothing to divide by."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -37,7 +39,7 @@ def test_references_of_the_cubes_size(scene):
 
 def test_frames_of_a_line_camera_are_averaged_over_their_lines(scene):
     folder, _, raw, white, dark = scene
-    paths = {
+    paths: dict[str, Any] = {
         "path": counts(folder, raw, "raw", interleave="bil"),
         "white": counts(folder, white[:9], "white", interleave="bip", dtype="i4"),
         "dark": counts(folder, dark[:150], "dark", dtype="f4"),
@@ -74,7 +76,7 @@ def test_the_whites_own_spectrum(scene):
     grid = np.linspace(390, 510, 12)
     write_table(folder / "own.csv", ["name", *(f"{w:.12g}" for w in grid)], [["tile", *own], ["other", *own / 2]])
     paths = {n: counts(folder, v, n) for n, v in (("raw", raw), ("white", white), ("dark", dark))}
-    references = {"white": paths["white"], "dark": paths["dark"]}
+    references: dict[str, Any] = {"white": paths["white"], "dark": paths["dark"]}
     cube = open_cube(paths["raw"], **references, white_reflectance=f"{folder / 'own.csv'}:tile")
     expected = (raw - dark) / (white - dark) * np.interp(WAVELENGTHS, grid, own)
     np.testing.assert_allclose(cube.values, expected, rtol=3e-6)

@@ -12,7 +12,7 @@ from glazejax.io import CubeSource, open_cube, write_table
 from .images import BANDS, LINES, SAMPLES, WAVELENGTHS, envi, every, hdf5, image, labelled, tiff, tiffs, zarr
 
 
-def refused(path, complaint, kind=ValueError, **further):
+def refused(path, complaint, kind: type[Exception] = ValueError, **further):
     """Assert that a file is refused in one line that names it."""
     with pytest.raises(kind, match=complaint) as caught:
         open_cube(path, **further)
@@ -100,7 +100,7 @@ def test_files_without_an_image(tmp_path):
     (tmp_path / "nothing").mkdir()
     refused(tmp_path / "nothing", "a folder without an image")
     refused(tmp_path / "nothing", "no datasets", dataset="a")
-    refused(tmp_path / "gone.hdr", "", FileNotFoundError)
+    refused(tmp_path / "gone.hdr", "gone.hdr", FileNotFoundError)
     write_table(tmp_path / "table.csv", ["name", "400"], [["a", 0.5]])
     refused(tmp_path / "table.csv", "not an image of spectra that is known: ENVI, zarr")
     np.save(tmp_path / "flat.npy", np.ones((4, 5)))

@@ -1,6 +1,7 @@
 """Images of every kind, written by Spectral Python, xarray, h5netcdf, h5py, SciPy and tifffile."""
 
 import itertools
+from typing import Any
 
 import h5py
 import numpy as np
@@ -57,7 +58,8 @@ def test_envi_of_every_interleave_order_and_type(tmp_path, interleave, order, dt
     path = envi(tmp_path, values, interleave=interleave, dtype=dtype, order=order, **scale)
     agree(open_cube(path), values)
     agree(open_cube(path.with_suffix(".img")), values)
-    read = np.asarray(spy.open(str(path)).load(scale=True))
+    theirs: Any = spy.open(str(path))
+    read = np.asarray(theirs.load(scale=True))
     np.testing.assert_allclose(open_cube(path).values, read, rtol=0, atol=1e-6)
 
 
@@ -199,7 +201,7 @@ def test_hdf5_in_groups_with_its_own_scale(tmp_path):
     values = image()
     path = hdf5(tmp_path, np.round(values * 10_000), dtype="i2", chunks=(8, 8, 7))
     with h5py.File(path, "a") as file:
-        data = file["SITE/Reflectance/Reflectance_Data"]
+        data: Any = file["SITE/Reflectance/Reflectance_Data"]
         data[2, 3] = -9999
         data.attrs["Scale_Factor"], data.attrs["Data_Ignore_Value"] = 10_000.0, -9999.0
         file.create_dataset("SITE/Reflectance/Metadata/angles", data=np.zeros((LINES, SAMPLES, 2)))

@@ -86,8 +86,11 @@ def _picture(path: Path) -> Bool[np.ndarray, "y x"]:
             raise refusal(path, f"not a whole picture: {error}") from None
     if values.ndim == 2:
         return values != 0
-    used = (values[..., : min(3, max(1, values.shape[2] - (values.shape[2] in (2, 4))))] != 0).any(axis=2)
-    return used & (values[..., -1] != 0) if values.shape[2] in (2, 4) else used
+    colours = values.shape[-1]
+    # The last of two or four is how opaque the pixel is.
+    if colours in (2, 4):
+        return (values[..., :-1] != 0).any(axis=2) & (values[..., -1] != 0)
+    return (values != 0).any(axis=2)
 
 
 def _polygons(path: Path, text: str) -> list[list[Float[np.ndarray, "_ 2"]]]:
@@ -123,7 +126,7 @@ def _polygons(path: Path, text: str) -> list[list[Float[np.ndarray, "_ 2"]]]:
 def _ring(path: Path, ring: Any) -> Float[np.ndarray, "vertices 2"]:
     """Vertices of a ring, checked."""
     try:
-        points = np.asarray(ring, np.float64)
+        points: np.ndarray = np.asarray(ring, np.float64)
     except (ValueError, TypeError):
         points = np.empty(0)
     if points.ndim != 2 or points.shape[1] < 2 or not np.isfinite(points).all():

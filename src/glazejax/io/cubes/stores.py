@@ -131,6 +131,8 @@ def _classic(path: Path, take: Callable[[Any], Any]) -> Any:
             file = netcdf_file(str(path), "r", mmap=True)
             found = take(file)
             file.close()
+            return found
         except (ValueError, TypeError, IndexError) as error:
-            raise refusal(path, f"not a whole NetCDF file: {error}") from None
-    return found
+            complaint = str(error)
+        # Only now is the file that could not be opened forgotten, and its warning with it.
+        raise refusal(path, f"not a whole NetCDF file: {complaint}")

@@ -63,7 +63,7 @@ def tiff_cube(path: Path, count: int | None) -> RawCube:
             piece = (piece[0], piece[1], 1)
             data = OnDisk(_pages, path, len(pages), one_at_a_time=piece != (1, 1, 1))
             dtype = pages[0].dtype
-    _check_type(path, dtype)
+    dtype = _checked(path, dtype)
     if wavelengths is not None and wavelengths.size != shape[2]:
         wavelengths = None
     return RawCube(path, "TIFF", data, order, shape, dtype, piece, order[2] == 0, wavelengths, **place)
@@ -85,7 +85,7 @@ def tiff_folder(path: Path, count: int | None) -> RawCube:
     if wavelengths is not None:
         files = [files[i] for i in np.argsort(wavelengths, kind="stable")]
         wavelengths = np.sort(wavelengths)
-    first = None
+    first, memory = None, False
     place: dict[str, Any] = {}
     for file in files:
         with explained(file), _legal(file), tifffile.TiffFile(file) as tiff:
@@ -97,8 +97,7 @@ def tiff_folder(path: Path, count: int | None) -> RawCube:
             if len(size[0]) != 2 or size != first:
                 raise refusal(file, f"{size[0]} {size[1]} where {files[0].name} has {first[0]} {first[1]}")
     assert first is not None
-    (lines, samples), dtype = first
-    _check_type(path, dtype)
+    (lines, samples), dtype = first[0], _checked(path, first[1])
     piece = _piece(_array(files[0], None), (0, 1, 0))
     data = OnDisk(_files, *files, one_at_a_time=not memory)
     shape = (lines, samples, len(files))
@@ -107,9 +106,11 @@ def tiff_folder(path: Path, count: int | None) -> RawCube:
     )
 
 
-def _check_type(path: Path, dtype: Any) -> None:
+def _checked(path: Path, dtype: Any) -> np.dtype[Any]:
+    """The type of a file's numbers, if they can be readings."""
     if dtype is None or dtype.kind not in "fiu":
         raise refusal(path, f"numbers of type {dtype}, not readings")
+    return dtype
 
 
 class _legal:
@@ -134,7 +135,7 @@ def _array(path: Path, page: int | None) -> Any:
 
     with _legal(path):
         try:
-            return tifffile.memmap(path, page=page, series=None if page is not None else 0, mode="r")
+            return tifffile.memmap(path, page=page, mode="r")
         except ValueError:
             import zarr
 
