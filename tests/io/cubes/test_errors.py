@@ -49,6 +49,8 @@ def test_given_wavelengths(tmp_path):
     np.testing.assert_allclose(open_cube(path, wavelengths=WAVELENGTHS).values, image(), atol=1e-6)
     micrometres = np.array(WAVELENGTHS) / 1000
     np.testing.assert_allclose(open_cube(path, wavelengths=micrometres)["wavelength"], WAVELENGTHS)
+    envi(tmp_path, image(), wavelengths=range(1, 8))
+    np.testing.assert_allclose(open_cube(path, wavelengths=WAVELENGTHS).values, image(), atol=1e-6)
     refused(path, "6 wavelengths were given for 7 bands", wavelengths=WAVELENGTHS[:-1])
     (tmp_path / "image.txt").write_text("400 410 x")
     refused(tmp_path / "image.txt", "not an image of spectra")

@@ -131,7 +131,7 @@ def test_map_info_gives_coordinates(tmp_path):
     np.testing.assert_allclose(cube["y"], 3_999_998.5 - 3 * np.arange(LINES))
     assert cube["x"].attrs == {"units": "meters", "pixel_size": 2.0}
     assert cube["y"].attrs["pixel_size"] == 3.0
-    assert cube.attrs["crs_wkt"] == 'PROJCS["x", y]'
+    assert cube.attrs["crs_wkt"] == 'PROJCS["x",y]'
     part = open_cube(tmp_path / "image.hdr", window=(4, 12, 6, 20), binning=(2, 2, 1))
     np.testing.assert_allclose(part["x"], 500_000 + 2 * (6 + 1 + 2 * np.arange(7)))
     assert part["x"].attrs["pixel_size"] == 4.0
@@ -143,7 +143,13 @@ def test_without_coordinates_pixels_are_counted(tmp_path):
     assert cube["x"].attrs == {"units": "pixel", "pixel_size": 1.0}
     turned = ["Arbitrary", "1", "1", "0", "0", "0.1", "0.1", "units=Millimeters", "rotation=30"]
     cube = open_cube(envi(tmp_path, image(), **{"map info": turned}))
-    np.testing.assert_allclose(cube["x"], np.arange(SAMPLES) + 0.5)
+    np.testing.assert_allclose(cube["x"], (np.arange(SAMPLES) + 0.5) * 0.1)
+    assert cube["x"].attrs == {"units": "millimeters", "pixel_size": 0.1}
+    cube = open_cube(envi(tmp_path, image(), **{"pixel size": ["0.2", "0.3", "units=Meters"]}))
+    np.testing.assert_allclose(cube["y"], (np.arange(LINES) + 0.5) * 0.3)
+    for damaged in (["UTM", "x"], ["UTM"], ["UTM", "1", "1", "0", "0", "0", "0"]):
+        cube = open_cube(envi(tmp_path, image(), **{"map info": damaged}))
+        np.testing.assert_allclose(cube["y"], np.arange(LINES) + 0.5)
 
 
 @pytest.mark.parametrize("version", [2, 3])

@@ -12,8 +12,12 @@ from .axes import axes_of
 from .raw import OnDisk, RawCube
 
 
-def envi_cube(path: Path) -> RawCube:
+def envi_cube(path: Path, count: int | None = None) -> RawCube:
     """An ENVI image, header or data named; mapped into memory, in any interleave, type and byte order.
+
+    Args:
+        path: of the header or the data.
+        count: wavelengths, if they are known; then those of the header need not be legal.
 
     Raises:
         FileNotFoundError: no such file, or a header without its data.
@@ -25,7 +29,11 @@ def envi_cube(path: Path) -> RawCube:
     notes: list[str] = []
     wavelengths = None
     if "wavelength" in envi.header:
-        wavelengths, notes = envi.wavelengths()
+        try:
+            wavelengths, notes = envi.wavelengths()
+        except ValueError:
+            if count is None:
+                raise
     raw = envi.mapped()
     return RawCube(
         envi.path,
@@ -60,28 +68,27 @@ def _place(envi: EnviFile) -> dict[str, Any]:
     """
     attributes: dict[str, Any] = {}
     if system := envi.entries("coordinate system string"):
-        attributes["crs_wkt"] = ", ".join(system)
+        attributes["crs_wkt"] = ",".join(system)
     info, sizes = envi.entries("map info"), envi.entries("pixel size")
     about: dict[str, Any] = {}
     found: dict[str, Any] = {"attributes": attributes, "about_place": about}
-    words = dict(entry.lower().split("=", 1) for entry in (info or sizes) if "=" in entry)
-    if "units" in words:
-        about["units"] = words["units"].strip()
     if info:
         attributes["map_info"] = ", ".join(info)
-        try:
-            x0, y0, east, north, dx, dy = (float(entry) for entry in info[1:7])
-        except ValueError:
-            return found
+    words = dict(entry.lower().split("=", 1) for entry in (info or sizes) if "=" in entry)
+    try:
+        x0, y0, east, north, dx, dy = (float(entry) for entry in info[1:7]) if info else (0.0,) * 6
+        dx, dy = (dx, dy) if info or len(sizes) < 2 else (float(sizes[0]), float(sizes[1]))
+        turned = float(words.get("rotation", 0)) != 0
+    except ValueError:
+        return found
+    if dx > 0 and dy > 0:
         about["pixel_size"] = (dy, dx)
-        # A turned image has no coordinates of its own for lines and samples; centres of pixels stay.
-        if float(words.get("rotation", 0) or 0) == 0:
-            lines, samples = envi.sizes["lines"], envi.sizes["samples"]
-            found["x"] = east + (np.arange(samples) + 1.5 - x0) * dx
-            found["y"] = north - (np.arange(lines) + 1.5 - y0) * dy
-            about.setdefault("units", "metre")
-    elif len(sizes) >= 2:
-        about["pixel_size"] = (float(sizes[1]), float(sizes[0]))
+        about["units"] = words.get("units", "metre").strip()
+        down, across = np.arange(envi.sizes["lines"]), np.arange(envi.sizes["samples"])
+        if info and not turned:
+            found["x"], found["y"] = east + (across + 1.5 - x0) * dx, north - (down + 1.5 - y0) * dy
+        else:  # lines and samples of a turned image have no coordinates of the map; they count from the image's corner
+            found["x"], found["y"] = (across + 0.5) * dx, (down + 0.5) * dy
     return found
 
 

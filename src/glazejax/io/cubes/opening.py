@@ -44,7 +44,7 @@ def raw_cube(path: Path, dataset: str | None = None, count: int | None = None) -
         return tiff_cube(path, count)
     if not known:
         raise refusal(path, "not an image of spectra that is known: ENVI, zarr, NetCDF, HDF5, TIFF, .npy")
-    return envi_cube(path)
+    return envi_cube(path, count)
 
 
 # What files begin with.
