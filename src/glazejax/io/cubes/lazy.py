@@ -107,14 +107,20 @@ def _span(wanted: range, start: int, each: int) -> tuple[slice, int]:
 
 def binned_mean(values: Float[np.ndarray, "ny by nx bx bands n"]) -> Float[np.ndarray, "ny nx bands"]:
     """Means over the bins that leave NaN out; NaN where a bin has nothing else, +inf where it has a saturated value."""
-    missing = np.isnan(values)
-    axes = (1, 3, 5)
-    if not missing.any():
-        return values.mean(axes, dtype=np.float64)
-    values = np.where(missing, 0.0, values)
-    counts = (~missing).sum(axes)
+    there = ~np.isnan(values)
+    if there.all():
+        return _sums(values, np.float64) / (values.shape[1] * values.shape[3] * values.shape[5])
+    counts = _sums(there, np.float32)
     with np.errstate(invalid="ignore", divide="ignore"):
-        return values.sum(axes, dtype=np.float64) / counts
+        return _sums(np.where(there, values, values.dtype.type(0)), np.float64) / counts
+
+
+def _sums(values: np.ndarray, dtype: Any) -> np.ndarray:
+    """Sums over the second, fourth and sixth axis; the last is short, and NumPy's own sum would take it one by one."""
+    total = values[..., 0].astype(dtype)
+    for k in range(1, values.shape[-1]):
+        total += values[..., k]
+    return total.sum((1, 3))
 
 
 class LazyReflectance(BackendArray):
