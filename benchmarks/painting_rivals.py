@@ -364,18 +364,20 @@ class TwoFlux:
         """Shares of films that hide their ground: sum of c K over sum of c S is K/S of the reading."""
         inside = self.inside(spectra)
         ratio = (1.0 - inside) ** 2 / (2.0 * inside)
-        # One more row makes the shares sum to 1.
-        heavy = 1e3
-        found = np.zeros((len(spectra), len(self.absorption)))
+        # Unknown is what each paint adds to the scattering, so that weak paints are no way to fit everything by
+        # nothing; one more row makes it sum to 1.
+        heavy, mean = 1e3, self.scattering.mean(axis=1)
+        absorption, scattering = self.absorption / mean[:, None], self.scattering / mean[:, None]
+        found = np.zeros((len(spectra), len(mean)))
         for n, (q, r) in enumerate(zip(ratio, inside, strict=True)):
             # What a change of K/S does to the reading, so that each band counts by its noise.
             slope = 2.0 * r**2 / (1.0 - r**2) * (1 - self.outer) * (1 - self.inner) / (1 - self.inner * r) ** 2
-            total = np.median(self.scattering, axis=0)
+            total, weights = np.ones(len(q)), np.ones(len(mean))
             for _ in range(3):
-                rows = (slope / total * (self.absorption - q * self.scattering)).T
-                weights = nnls(np.vstack([rows, np.full(len(found[n]), heavy)]), np.r_[np.zeros(len(q)), heavy])[0]
-                total = np.maximum(weights @ self.scattering, 1e-3)
-            found[n] = weights / weights.sum()
+                rows = (slope / total * (absorption - q * scattering)).T
+                weights = nnls(np.vstack([rows, np.full(len(mean), heavy)]), np.r_[np.zeros(len(q)), heavy])[0]
+                total = np.maximum(weights @ scattering, 1e-3)
+            found[n] = weights / mean / np.sum(weights / mean)
         mixed = (found @ self.absorption) / (found @ self.scattering)
         body = 1.0 + mixed - np.sqrt(mixed**2 + 2.0 * mixed)
         reading = self.outer + (1 - self.outer) * (1 - self.inner) * body / (1 - self.inner * body)
@@ -450,6 +452,7 @@ class Row(NamedTuple):
     name: str
     score: Score
     seconds: float  # a pixel
+    by_coats: tuple[float, ...]  # share with the right set of pixels of one, two and three coats
     choice: Choice | None = None
 
 
@@ -469,21 +472,29 @@ def compared(scene: Painting, other: Painting, pixels: int = 2000) -> list[Row]:
         start = time.perf_counter()
         found = method(spectra)
         seconds = (time.perf_counter() - start) / len(spectra)
-        rows.append(Row(name, score(truth, answered(found, choice), scene.names), seconds, choice))
+        answer = answered(found, choice)
+        rows.append(Row(name, score(truth, answer, scene.names), seconds, by_coats(truth, answer, scene.names), choice))
     return rows
+
+
+def by_coats(truth: Truth, answer: Answer, names: Sequence[str]) -> tuple[float, ...]:
+    """Share of pixels with the right set among those of one, two and three coats; NaN where there are none."""
+    return tuple(score(*only(truth, answer, truth.coats == n), names).right_set for n in (1, 2, 3))
 
 
 def table(rows: Sequence[Row]) -> list[str]:
     """Lines that show scores side by side."""
-    heads = ("right set", "right pigments", "main paint", "error of shares", "error of amounts", "false none",
-             "none found", "pixels a_second")  # fmt: skip
+    heads = ("right set", "one coat", "two coats", "three coats", "right pigments", "main paint", "error of shares",
+             "error of amounts", "false none", "none found", "pixels a_second")  # fmt: skip
     words = [head.split() for head in heads]
     lines = [" " * 30 + "".join(f"{each[line].replace('_', ' '):>10}" for each in words) for line in (0, -1)]
     for row in rows:
         s = row.score
         amount = "-" if np.isnan(s.amount_error) else f"{s.amount_error:.3f}"
         lines.append(
-            f"{row.name:<30}{s.right_set:>10.1%}{s.right_pigments:>10.1%}{s.right_main:>10.1%}{s.share_error:>10.3f}"
+            f"{row.name:<30}{s.right_set:>10.1%}"
+            f"{''.join(f'{share:>10.1%}' for share in row.by_coats)}"
+            f"{s.right_pigments:>10.1%}{s.right_main:>10.1%}{s.share_error:>10.3f}"
             f"{amount:>10}{s.false_none:>10.1%}{s.none_found:>10.1%}{1 / row.seconds:>10.0f}"
         )
     return lines

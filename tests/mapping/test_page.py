@@ -39,7 +39,8 @@ def made():
 @pytest.fixture(scope="module")
 def report(made, tmp_path_factory):
     folder = tmp_path_factory.mktemp("report")
-    return write_report(*made, ABOUT, folder)
+    dataset, tallies, sets = made
+    return write_report(dataset, tallies, sets, ABOUT, folder)
 
 
 class Tags(HTMLParser):
@@ -102,7 +103,7 @@ def test_sets_stand_with_their_shares_of_the_area(made, report):
         text = words(row)
         assert text.split()[0] == str(number)
         assert all(names[member] in text for member in members)
-        share = float(re.search(r"([\d.]+) % [\d.]+ 9", text)[1])
+        share = float(re.findall(r"([\d.]+) % [\d.]+ 9", text)[0])
         assert share == pytest.approx(100 * sets[members].pixels / mapped, abs=0.05)
         thickness, count = sets[members].thickness
         assert f" {thickness / count * 1e6:.1f} " in text
@@ -121,9 +122,10 @@ def test_pictures_lie_beside_the_page(report):
 
 
 def test_a_report_is_replaced_only_if_asked_for(made, report):
+    dataset, tallies, sets = made
     before = report.read_bytes()
     with pytest.raises(FileExistsError, match="--overwrite replaces it"):
-        write_report(*made, ABOUT, report.parent)
+        write_report(dataset, tallies, sets, ABOUT, report.parent)
     assert report.read_bytes() == before
 
 

@@ -11,6 +11,7 @@ from benchmarks.painting_rivals import (
     Unmixed,
     answer_of_map,
     answered,
+    by_coats,
     choose,
     compared,
     films,
@@ -185,6 +186,8 @@ def test_pixels_are_drawn_with_their_truth_and_a_perfect_map_is_right():
     part = only(every, answer_of_map(arrays), every.coats == 3)
     assert set(part[0].coats) == {3}
     assert score(*part, scene.names).right_set == 1
+    mixed = dict(arrays, members=np.where((every.coats == 2).reshape(100, 40, 1), -1, arrays["members"]))
+    assert by_coats(every, answer_of_map(mixed), scene.names) == (1, 0, 1)
 
 
 def test_rivals_are_compared_on_one_painting_and_practise_on_another():
@@ -194,7 +197,7 @@ def test_rivals_are_compared_on_one_painting_and_practise_on_another():
     for row in rows:
         assert np.all((np.array(row.score[:4]) >= 0) & (np.array(row.score[:4]) <= 1))
         assert row.seconds > 0
-    lines = table([*rows, Row("glazejax", rows[0].score, 1e-3)])
+    lines = table([*rows, Row("glazejax", rows[0].score, 1e-3, (0.5, 0.5, 0.5))])
     assert len(lines) == 9
     assert len({len(line) for line in lines}) == 1
     with pytest.raises(ValueError, match="same paints and wavelengths"):
