@@ -14,7 +14,7 @@ from glazefit.film.errors import (
 from glazefit.film.noise import noise_of_each
 from glazefit.film.response import film_response
 from glazefit.film.varnish import varnished, yellow
-from glazefit.identify.identify import hardly_seen
+from glazefit.identify.searcher import hardly_seen
 from glazejax import Bidirectional, Hemispherical, Pigment, catalogue
 from glazejax.paint.pigment_table import read_pigments
 

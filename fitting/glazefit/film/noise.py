@@ -47,6 +47,28 @@ def estimate_noise(films: Films, least: Noise | None = None) -> Noise:
     rough = bare is not None and np.mean(everything) > _ROUGHER * np.mean(bare)
     found = bare if rough else everything
     assert found is not None
+    return _at_least(found, least)
+
+
+def spectra_noise(
+    wavelengths: Float[np.ndarray, "bands"], spectra: Float[np.ndarray, "rows bands"], least: Noise | None = None
+) -> Noise:
+    """Noise of an instrument from the roughness of many spectra of paint.
+
+    Args:
+        wavelengths: nm, ascending.
+        spectra: reflectance.
+        least: what it is at least, by default `Noise()`.
+    """
+    least = least or Noise()
+    if wavelengths.size < 2 or np.median(np.diff(wavelengths)) > COARSE:
+        return least
+    found = _fitted([roughness(wavelengths, spectra)])
+    return least if found is None else _at_least(found, least)
+
+
+def _at_least(found: tuple[float, float], least: Noise) -> Noise:
+    """Noise from what it is at both ends."""
     dark, bright = (max(value, float(least.sd(np.asarray(end)))) for value, end in zip(found, _ENDS, strict=True))
     share = max((bright - dark) / (_ENDS[1] - _ENDS[0]), 0.0)
     return Noise(float(min(dark - share * _ENDS[0], MOST)), float(min(share, MOST)))

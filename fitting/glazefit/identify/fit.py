@@ -61,7 +61,7 @@ def log_prior(
     return -0.5 * (total / spread) ** 2 - jnp.log(spread * jnp.sqrt(2.0 * jnp.pi)) + fractions
 
 
-def _prior_terms(logs: Array, present: Array, spread: Number, concentration: Number) -> tuple[Array, Array]:
+def prior_terms(logs: Array, present: Array, spread: Number, concentration: Number) -> tuple[Array, Array]:
     """Gradient of minus the log prior, and a positive part of its Hessian; 1 for a paint that is not there."""
     m = present.sum(dtype=logs.dtype)
     total, share = jax.nn.logsumexp(logs, where=present), jax.nn.softmax(logs, where=present)
@@ -98,13 +98,13 @@ def fit_one(
     def look(logs: Array) -> tuple[Array, Array, Array, Array]:
         readings, slopes = model(jnp.where(present, jnp.exp(logs), 0.0))
         off, slopes = white @ (weights.target - readings), slopes @ white.T
-        gradient, hessian = _prior_terms(logs, present, weights.spread, weights.concentration)
+        gradient, hessian = prior_terms(logs, present, weights.spread, weights.concentration)
         cost = 0.5 * off @ off - log_prior(logs, present, weights.spread, weights.concentration)
         return cost, gradient - slopes @ off, hessian + slopes @ slopes.T, readings
 
     limits = float(np.log(LEAST)), float(np.log(MOST))
     logs, (_, _, hessian, readings) = damped_newton(look, start, limits, steps=steps, longest=_LONGEST)
-    prior = _prior_terms(logs, present, weights.spread, weights.concentration)[1]
+    prior = prior_terms(logs, present, weights.spread, weights.concentration)[1]
     log_evidence, spread = _evidence(logs, present, (hessian - prior, prior), readings, weights)
     return Fitted(logs, spread, log_evidence, readings)
 

@@ -10,32 +10,17 @@ from collections.abc import Iterator, Sequence
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import ArrayLike, Bool, Float
+from jaxtyping import ArrayLike, Float
 
 from glazejax import Hemispherical, Pigment
 from glazejax.geometry import Geometry, resolve_instrument
 
-from ..film.errors import (
-    BETWEEN_FILMS,
-    Discrepancy,
-    Prior,
-    error_modes,
-    relative_errors,
-)
+from ..film.errors import Discrepancy, Prior
 from ..film.films import Films, Instrument, Noise, cards
-from ..film.optics import Optics
 from ..film.response import film_response
-from .effort import THOROUGH, USUAL
 from .result import Identification
-from .screen import paints_of
-from .search import CHUNK, compile_ahead, first_starts, pieces, search
-from .table import FilmTables
-from .task import IdentificationTask, check_pigments, check_spectra, hiding
-from .untold import search_untold
+from .searcher import Searcher
 from .weigh import weigh
-
-# Spectra whose doubtful ones are sought again together: a few in each chunk would cost as much as all of it.
-_TOGETHER = 4 * CHUNK
 
 
 def identify_chunks(
@@ -80,50 +65,13 @@ def identify_chunks(
     Raises:
         ValueError: shapes that do not match, values that are not reflectances, an empty catalogue, repeated names.
     """
-    instrument, noise, prior = resolve_instrument(instrument, geometry), noise or Noise(), prior or Prior()
-    discrepancy = discrepancy or BETWEEN_FILMS
-    if max_paints not in (1, 2, 3):
-        raise ValueError(f"max_paints is {max_paints}; sets of 1, 2 or 3 paints can be tried")
-    if layers not in (1, 2):
-        raise ValueError(f"layers is {layers}; one coat or two can be tried")
-    if layers == 2 and grounds is None:
-        raise ValueError("two coats need to know the ground; an opaque film shows its top coat only: use layers=1")
-    measured = check_spectra(spectra, wavelengths, grounds, names, noise)
-    known = check_pigments(pigments, measured.wavelengths)
-
-    largest, response = min(max_paints, len(known)), film_response(instrument.geometry, instrument.refractive_index)
-    told, thick = grounds is None, hiding(prior, known)
-    errors = relative_errors(known, discrepancy), error_modes(known, discrepancy).astype(np.float32)
-    seen, optics = hardly_seen(known, prior.thickness), Optics.of(instrument.geometry, instrument.refractive_index)
-
-    def task(opaque: bool) -> IdentificationTask:
-        expected = thick if opaque else prior
-        paints = paints_of(known, expected.thickness)
-        return IdentificationTask(
-            response,
-            paints,
-            *errors,
-            measured.wavelengths,
-            optics,
-            instrument.seen_surface,
-            noise,
-            discrepancy,
-            expected,
-            seen,
-            largest,
-            layers,
-            THOROUGH if thorough else USUAL,
-            FilmTables(response, paints, largest, expected.spread),
-        )
-
-    tasks = {opaque: task(opaque) for opaque in (False, True)}
-    compile_ahead(tasks[told], measured)
-    starts = first_starts(tasks[told], measured)
-    paints = tuple(pigment.name for pigment in known)
-    for together in pieces(np.arange(len(measured)), _TOGETHER):
-        pool = search(tasks[told], measured, together, starts)
-        some = measured.take(together)
-        yield weigh(some, *search_untold(tasks, told, some, pool), paints, told, keep)
+    searcher = Searcher.of(
+        wavelengths, pigments, opaque=grounds is None, instrument=instrument, geometry=geometry, noise=noise,
+        discrepancy=discrepancy, prior=prior, max_paints=max_paints, layers=layers, thorough=thorough,
+    )  # fmt: skip
+    measured = searcher.check(spectra, grounds, names)
+    for some, pool, odds in searcher.search(measured):
+        yield weigh(some, pool, odds, searcher.paints, searcher.opaque, keep)
 
 
 def identify(
@@ -182,12 +130,6 @@ def identify_films(
         geometry=geometry, noise=noise, discrepancy=discrepancy, prior=prior, max_paints=max_paints, layers=layers,
         names=films.names, keep=keep, thorough=thorough,
     )  # fmt: skip
-
-
-def hardly_seen(pigments: Sequence[Pigment], thickness: float) -> Bool[np.ndarray, "paints"]:
-    """Which paints are extenders: a film of this thickness (m) lets most light through at every wavelength."""
-    depth = [[float(np.max(np.asarray(values))) for values in (p.absorption, p.scattering)] for p in pigments]
-    return thickness * np.sum(depth, axis=1) < 1.0
 
 
 def ground_from_air(

@@ -28,7 +28,7 @@ _NEAR_BLACK, _NEAR_SHARE = 0.005, 0.02
 
 
 @dataclass(frozen=True)
-class _Films:
+class Films:
     """Candidates of several spectra in one row."""
 
     row: Int[np.ndarray, "films"]  # of the spectrum
@@ -40,7 +40,7 @@ class _Films:
     readings: Float[np.ndarray, "films readings"]
 
     @classmethod
-    def of(cls, pool: Pool, chosen: Bool[np.ndarray, "spectra candidates"], size: int) -> "_Films":
+    def of(cls, pool: Pool, chosen: Bool[np.ndarray, "spectra candidates"], size: int) -> "Films":
         """Those of a pool that are chosen."""
         row, place = np.nonzero(chosen)
         at = row, place
@@ -49,11 +49,11 @@ class _Films:
         covariance = pool.covariance[at][:, :size, :size]
         return cls(row, place, sets, logs, covariance, pool.log_weight[at], pool.readings[at])
 
-    def take(self, films: np.ndarray) -> "_Films":
+    def take(self, films: np.ndarray) -> "Films":
         """Some of them."""
         return type(self)(*(getattr(self, f.name)[films] for f in fields(self)))
 
-    def with_those(self, films: np.ndarray, others: "_Films") -> "_Films":
+    def with_those(self, films: np.ndarray, others: "Films") -> "Films":
         """These, with others in the place of some."""
         parts = [getattr(self, f.name).copy() for f in fields(self)]
         for part, f in zip(parts, fields(self), strict=True):
@@ -96,14 +96,14 @@ def refined(task: IdentificationTask, pool: Pool, some: Measured) -> Pool:
     pool = pool.best(task.effort.kept)
     size = max(task.max_paints, 2)
     behind = pool.log_weight.max(axis=1, keepdims=True) - pool.log_weight
-    films = _Films.of(pool, np.isfinite(pool.log_weight) & (behind <= task.effort.behind), size)
-    films, groups = _weighed(task, some, films, _slopes_of(task, some, films), task.effort.own)
-    slopes = _slopes_of(task, some, films)
+    films = Films.of(pool, np.isfinite(pool.log_weight) & (behind <= task.effort.behind), size)
+    films, groups, _ = weighed(task, some, films, slopes_at(task, some, films), task.effort.own)
+    slopes = slopes_at(task, some, films)
     close = np.flatnonzero(
         (films.behind() <= task.effort.close) & (_apart(films.sets, slopes, groups) > task.effort.moved)
     )
     if close.size:
-        again, more = _weighed(task, some, films.take(close), slopes[close], task.effort.again)
+        again, more, _ = weighed(task, some, films.take(close), slopes[close], task.effort.again)
         films, groups = films.with_those(close, again), groups.with_those(close, more)
     shown = np.flatnonzero(films.behind() <= task.effort.shown)
     films, groups = films.take(shown), groups.take(shown)
@@ -119,7 +119,7 @@ def refined(task: IdentificationTask, pool: Pool, some: Measured) -> Pool:
     return out
 
 
-def _grouped(task: IdentificationTask, films: _Films, slopes: Float[np.ndarray, "films errors readings"]) -> Groups:
+def _grouped(task: IdentificationTask, films: Films, slopes: Float[np.ndarray, "films errors readings"]) -> Groups:
     """Films by their paints but for traces; the most probable of each group stands for it."""
     size = films.sets.shape[1]
     effect = np.sqrt(np.mean(slopes**2, axis=-1))
@@ -154,14 +154,14 @@ def _apart(
     return most
 
 
-def _weighed(
+def weighed(
     task: IdentificationTask,
     some: Measured,
-    films: _Films,
+    films: Films,
     slopes: Float[np.ndarray, "films errors readings"],
     steps: int,
-) -> tuple[_Films, Groups]:
-    """Films fitted again with the errors of their groups, and these."""
+) -> tuple[Films, Groups, Whitening]:
+    """Films fitted again with the errors of their groups; the groups, and the errors of each."""
     groups = _grouped(task, films, slopes)
     errors = own_errors(task, some, groups.row, groups.sets, groups.slopes)
     readings = some.readings.reshape(len(some), -1)[films.row]
@@ -170,13 +170,13 @@ def _weighed(
     log_weight = task.discrepancy.trust * fitted.log_evidence + task.log_sets(films.sets)
     spread = np.where(absent_pairs(films.sets), 0.0, fitted.covariance)
     films = replace(films, logs=fitted.logs, covariance=spread, log_weight=log_weight, readings=fitted.readings)
-    return films, groups
+    return films, groups, errors
 
 
 def _fitted(
     task: IdentificationTask,
     some: Measured,
-    films: _Films,
+    films: Films,
     weights: Weights,
     basis: Int[np.ndarray, "films"],
     steps: int,
@@ -200,15 +200,20 @@ def _fitted(
     return Fitted(*(np.asarray(part, np.float64) for part in fitted))
 
 
-def _nearest(task: IdentificationTask, some: Measured, films: _Films) -> _Films:
+def _nearest(task: IdentificationTask, some: Measured, films: Films) -> Films:
     """The films with amounts that come near the readings."""
-    # Errors that are not alike at neighbouring bands: a smooth one would be excused.
-    noise = fixed_errors(task, some, near_sd(some))
-    errors = whiten(noise, np.zeros_like(noise), task.discrepancy)
+    errors = near_errors(task, some)
     readings = some.readings.reshape(len(some), -1)[films.row]
     weights = weights_of(task, readings, Whitening(errors.basis, errors.height[films.row]))
     fitted = _fitted(task, some, films, weights, films.row, task.effort.near)
     return replace(films, logs=fitted.logs, readings=fitted.readings)
+
+
+def near_errors(task: IdentificationTask, some: Measured) -> Whitening:
+    """Errors with which amounts are found that are shown, of each spectrum."""
+    # Not alike at neighbouring bands: a smooth error would be excused.
+    noise = fixed_errors(task, some, near_sd(some))
+    return whiten(noise, np.zeros_like(noise), task.discrepancy)
 
 
 def allowed(
@@ -229,17 +234,21 @@ def allowed(
         readings: of each film, without the surface.
         groups: of the films.
     """
+    off = task.target(some.readings)[row] - readings
+    return readings + np.einsum("fij,fj->fi", excused(task, some, groups)[groups.of], off)
+
+
+def excused(task: IdentificationTask, some: Measured, groups: Groups) -> Float[np.ndarray, "groups readings readings"]:
+    """Matrix from what a film misses to the part that the errors of its paints' coefficients most probably make."""
     # What the pigments say of their errors, and no more.
     told = replace(task.discrepancy, coefficient=0.0, level=0.0)
     free = paints_covariance(groups.slopes, groups.sets, task.errors, task.modes, task.wavelengths, told)
     free = free + fixed_errors(task, some, np.zeros_like(some.noise_sd))[groups.row]
     near = near_sd(some).reshape(len(some), -1)[groups.row] ** 2
-    gain = free @ np.linalg.inv(free + near[..., None] * np.eye(near.shape[-1]))
-    off = task.target(some.readings)[row] - readings
-    return readings + np.einsum("fij,fj->fi", gain[groups.of], off)
+    return free @ np.linalg.inv(free + near[..., None] * np.eye(near.shape[-1]))
 
 
-def _slopes_of(task: IdentificationTask, some: Measured, films: _Films) -> Float[np.ndarray, "films errors readings"]:
+def slopes_at(task: IdentificationTask, some: Measured, films: Films) -> Float[np.ndarray, "films errors readings"]:
     """Slopes of films' readings by the log of every paint's k, then s."""
     return slopes_of(task.response, task.paints, films.sets, films.logs, some.grounds, films.row)
 

@@ -209,20 +209,7 @@ class Identification:
 
     @cached_property
     def _log_sd(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Standard deviations of the logs of amounts, of fractions and of the thickness.
-
-        What the readings leave open, and that a paint is stronger or weaker in one film than in others.
-        """
-        share = self.fractions
-        varied = np.where(self.members != NOBODY, STRENGTH, 0.0) ** 2
-        covariance = self.log_covariance + varied[..., None] * np.eye(3)
-        # d log f = d u - sum f d u, and d log thickness = sum f d u.
-        slope = np.eye(3) - share[..., None, :]
-        fractions = np.einsum("scij,scjk,scik->sci", slope, covariance, slope)
-        thickness = np.einsum("sci,scij,scj->sc", share, covariance, share)
-        parts = np.diagonal(covariance, axis1=-2, axis2=-1), fractions, thickness
-        amounts, fractions, thickness = (np.minimum(np.sqrt(np.maximum(part, 0.0)), _OPEN) for part in parts)
-        return amounts, fractions, thickness
+        return log_sds(self.members, self.fractions, self.log_covariance)
 
     @cached_property
     def amounts_90(self) -> Float[np.ndarray, "spectra candidates 3 2"]:
@@ -397,6 +384,26 @@ class Identification:
         }
         padded["members"][:, -more:], padded["probability"][:, -more:] = NOBODY, 0.0
         return replace(self, **padded)
+
+
+def log_sds(
+    members: Int[np.ndarray, "*n places"],
+    fractions: Float[np.ndarray, "*n places"],
+    log_covariance: Float[np.ndarray, "*n places places"],
+) -> tuple[Float[np.ndarray, "*n places"], Float[np.ndarray, "*n places"], Float[np.ndarray, "*n"]]:
+    """Standard deviations of the logs of amounts, of fractions and of the thickness.
+
+    What the readings leave open, and that a paint is stronger or weaker in one film than in others.
+    """
+    varied = np.where(members != NOBODY, STRENGTH, 0.0) ** 2
+    covariance = log_covariance + varied[..., None] * np.eye(members.shape[-1])
+    # d log f = d u - sum f d u, and d log thickness = sum f d u.
+    slope = np.eye(members.shape[-1]) - fractions[..., None, :]
+    spread = np.einsum("...ij,...jk,...ik->...i", slope, covariance, slope, optimize=True)
+    thickness = np.einsum("...i,...ij,...j->...", fractions, covariance, fractions, optimize=True)
+    parts = np.diagonal(covariance, axis1=-2, axis2=-1), spread, thickness
+    amounts, each, whole = (np.minimum(np.sqrt(np.maximum(part, 0.0)), _OPEN) for part in parts)
+    return amounts, each, whole
 
 
 def spectral_angle(one: np.ndarray, other: np.ndarray) -> np.ndarray:

@@ -153,21 +153,40 @@ def _ranking(task: IdentificationTask, some: Measured) -> _Ranking:
     return _Ranking(*small)
 
 
+class Lever(NamedTuple):
+    """What moves all bands of a reading together: the surface, and what else is in doubt.
+
+    Attributes:
+        shapes: what each does per standard deviation.
+        found: how much of each a residual speaks for, shapes by readings.
+    """
+
+    shapes: Float[np.ndarray, "spectra shapes readings"]
+    found: Float[np.ndarray, "spectra shapes readings"]
+
+    @classmethod
+    def of(cls, task: IdentificationTask, some: Measured) -> "Lever":
+        """Ridge regression on the shapes: unit sd beforehand, errors that are not alike at neighbouring bands."""
+        count = len(some)
+        surface = np.full((count, 1, some.readings[0].size), task.discrepancy.gloss_sd * task.surface)
+        doubt = some.doubt.reshape(count, some.doubt.shape[1], surface.shape[-1])
+        shapes = np.concatenate([surface, doubt], axis=1)
+        precise = shapes / near_sd(some).reshape(count, 1, -1) ** 2
+        normal = precise @ np.swapaxes(shapes, 1, 2) + np.eye(shapes.shape[1])
+        return cls(shapes, np.linalg.solve(normal, precise))
+
+
 def _with_surface(task: IdentificationTask, pool: Pool, some: Measured) -> Pool:
     """The pool with readings as they are seen, and amounts in metres.
 
     The surface's share, and what else is in doubt, is what each candidate's residual speaks for.
     """
-    d, count = task.discrepancy, len(some)
-    surface = np.full((count, 1, some.readings[0].size), d.gloss_sd * task.surface)
-    shapes = np.concatenate([surface, some.doubt.reshape(count, some.doubt.shape[1], surface.shape[-1])], axis=1)
+    d, lever = task.discrepancy, Lever.of(task, some)
     off = task.target(some.readings)[:, None] - pool.readings
-    # Ridge regression on the shapes: unit sd beforehand, errors that are not alike at neighbouring bands.
-    precise = shapes / near_sd(some).reshape(count, 1, -1) ** 2
-    normal = precise @ np.swapaxes(shapes, 1, 2) + np.eye(shapes.shape[1])
-    found = np.linalg.solve(normal, np.einsum("smr,scr->smc", precise, off))
+    found = lever.found @ np.swapaxes(off, 1, 2)
     gloss = np.maximum(d.gloss + d.gloss_sd * found[:, 0], 0.0)
-    seen = pool.readings + gloss[..., None] * task.surface + np.einsum("smc,smr->scr", found[:, 1:], shapes[:, 1:])
+    seen = pool.readings + gloss[..., None] * task.surface
+    seen = seen + np.swapaxes(found[:, 1:], 1, 2) @ lever.shapes[:, 1:]
     allowed = pool.allowed + d.gloss * task.surface
     return replace(pool, readings=seen, allowed=allowed, gloss=gloss, logs=pool.logs + np.log(task.prior.thickness))
 

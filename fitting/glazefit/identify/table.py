@@ -8,7 +8,7 @@ of matrices in single precision; the best of them are then fitted.
 import threading
 from collections.abc import Callable
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -146,6 +146,13 @@ class FilmTables:
         self._task = largest, spread
         self._kept: list[tuple[np.ndarray, FilmTable]] = []
         self._lock = threading.Lock()
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What it is made from: other processes make their own tables."""
+        return {"_double": self._double, "_task": self._task}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__init__(*state["_double"], *state["_task"])
 
     @cached_property
     def single(self) -> tuple[FilmResponse, Paints]:

@@ -6,6 +6,7 @@ each of a few other conditions (`conditions.CONDITIONS`).
 
 from collections.abc import Mapping
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -61,15 +62,38 @@ def search_untold(
     return pool, odds_of(measured, pool, prior)
 
 
-def _under(number: int, tasks: Mapping[bool, IdentificationTask], told: bool, measured: Measured) -> Pool:
-    """Candidates under one condition."""
+class AsIf(NamedTuple):
+    """Films as they would be seen under a condition."""
+
+    task: IdentificationTask
+    opaque: bool  # whether they hide their ground
+    measured: Measured
+    slope: Float[np.ndarray, "spectra grounds bands"]  # of these readings by those that were measured
+
+
+def as_if(number: int, tasks: Mapping[bool, IdentificationTask], told: bool, measured: Measured) -> AsIf:
+    """Films under one condition, by its number.
+
+    Args:
+        number: of `conditions.CONDITIONS`.
+        tasks: for films that let the ground through, and for films that hide it.
+        told: whether they were said to hide it.
+        measured: the spectra as they were measured.
+    """
     condition = CONDITIONS[number]
-    task = tasks[told if condition.opaque is None else condition.opaque]
-    seen, change = measured, np.zeros(len(measured))
+    opaque = told if condition.opaque is None else condition.opaque
+    task, seen, slope = tasks[opaque], measured, np.ones_like(measured.readings)
     if condition.ground is not None:
         seen = replace(seen, grounds=np.full_like(seen.grounds, condition.ground))
     if condition.varnish:
-        seen, change = bared(seen, task.response, task.surface, condition.varnish)
+        seen, slope = bared(seen, task.response, task.surface, condition.varnish)
+    return AsIf(task, opaque, seen, slope)
+
+
+def _under(number: int, tasks: Mapping[bool, IdentificationTask], told: bool, measured: Measured) -> Pool:
+    """Candidates under one condition."""
+    condition = CONDITIONS[number]
+    task, _, seen, slope = as_if(number, tasks, told, measured)
     pool = search(task, seen, np.arange(len(seen)), first_starts(task, seen))
 
     def coated(readings: np.ndarray) -> np.ndarray:
@@ -79,6 +103,8 @@ def _under(number: int, tasks: Mapping[bool, IdentificationTask], told: bool, me
 
     if condition.varnish:
         pool = replace(pool, readings=coated(pool.readings), allowed=coated(pool.allowed))
+    # What changes of variables add to a spectrum's log density.
+    change = np.log(slope).mean(axis=(1, 2))
     weight = pool.log_weight + np.log(condition.chance) + (independent(task) * change)[:, None]
     if condition.ground is not None:
         # What hardly shows is no answer over a ground that nobody told: it is the ground that is seen.
@@ -89,8 +115,8 @@ def _under(number: int, tasks: Mapping[bool, IdentificationTask], told: bool, me
 
 def bared(
     measured: Measured, response: FilmResponse, surface: float, level: float
-) -> tuple[Measured, Float[np.ndarray, "spectra"]]:
-    """Spectra as they would be without a varnish, and what changes of variables add to their log density.
+) -> tuple[Measured, Float[np.ndarray, "spectra grounds bands"]]:
+    """Spectra as they would be without a varnish, and their slopes by the readings under it.
 
     How much varnish there is is left open: an error of a known shape.
 
@@ -112,4 +138,4 @@ def bared(
     slope = (without_varnish(response, body + 1e-4, coat) - bare) / 1e-4
     doubt = more[:, None]
     changed = replace(measured, readings=bare + surface, noise_sd=measured.noise_sd * slope, doubt=doubt)
-    return changed, np.log(slope).mean(axis=(1, 2))
+    return changed, slope

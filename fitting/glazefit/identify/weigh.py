@@ -1,5 +1,6 @@
 """Probabilities of candidates, and of none of them."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -62,57 +63,122 @@ def weigh(
     )
 
 
+class Off(NamedTuple):
+    """How far candidates are off the spectra; infinite for those that hardly matter."""
+
+    seen: Float[np.ndarray, "spectra candidates"]  # Delta E00, the larger over the grounds, as fitted
+    left: Float[np.ndarray, "spectra candidates"]  # the same with errors of their paints allowed
+    shape: Float[np.ndarray, "spectra candidates"]  # root mean square of the latter's residual, noise aside
+    blur: Float[np.ndarray, "spectra"]  # Delta E00 that noise alone makes
+
+
+class Smaller(NamedTuple):
+    """One candidate, and those of the same film less one paint."""
+
+    candidate: int
+    less: list[int]
+
+
 def odds_of(measured: Measured, pool: Pool, prior: Prior) -> Odds:
     """Odds of all candidates and of none beside them."""
     weight = np.where(np.isfinite(pool.log_weight), pool.log_weight, -np.inf)
     # Before the misfit is looked at: how probable each is if the film is of the catalogue's paints.
     share = np.exp(weight - np.asarray(logsumexp(weight, axis=1))[:, None])
-    seen, left, shape = _misfits(measured, pool, share)
-    # What noise alone makes of a colour is no misfit.
-    blur = _of_noise(measured)[:, None]
-    # A residual may have a shape that no colour shows.
-    off = np.maximum(np.sqrt(np.maximum(seen * left - blur**2, 0.0)), _COLOUR_OF_RMSE * shape)
+    off = misfits(measured, pool, share)
+    odds, rejected = _judged(share, off, prior)
+    for row in range(len(odds)):
+        order = smaller_sets(pool, row, odds[row] > 0)
+        odds[row : row + 1] = simplest(order, weight[row : row + 1], off.seen[row : row + 1], odds[row : row + 1])
+    return _beside_none(odds, rejected, off, prior)
+
+
+def odds_alike(
+    weight: Float[np.ndarray, "spectra candidates"], off: Off, order: Sequence[Smaller], prior: Prior
+) -> Odds:
+    """Odds of spectra that all have the same candidates.
+
+    Args:
+        weight: log evidence and log prior of each.
+        off: how far each is off.
+        order: of `smaller_sets`.
+        prior: what was expected.
+    """
+    share = np.exp(weight - weight.max(axis=1, keepdims=True))
+    share /= share.sum(axis=1, keepdims=True)
+    odds, rejected = _judged(share, off, prior)
+    return _beside_none(simplest(order, weight, off.seen, odds), rejected, off, prior)
+
+
+def _whole(off: Off) -> Float[np.ndarray, "spectra candidates"]:
+    """What candidates are judged by."""
+    # What noise alone makes of a colour is no misfit; a residual may have a shape that no colour shows.
+    squared = np.maximum(off.seen * off.left - off.blur[:, None] ** 2, 0.0)
+    return np.maximum(np.sqrt(squared), _COLOUR_OF_RMSE * off.shape)
+
+
+def _judged(
+    share: Float[np.ndarray, "spectra candidates"], off: Off, prior: Prior
+) -> tuple[Float[np.ndarray, "spectra candidates"], Bool[np.ndarray, "spectra candidates"]]:
+    """Odds of candidates by their misfit too, and whether a person would reject each by eye."""
     # Differences that nobody sees count alike: what fits best is not for that more likely to be there.
-    odds = share * np.exp(-log_odds_of_none(np.maximum(off, UNSEEN))) * (1.0 - prior.unknown)
+    odds = share * np.exp(-log_odds_of_none(np.maximum(_whole(off), UNSEEN))) * (1.0 - prior.unknown)
     # A fit that a person rejects by eye is never more probable than none.
-    rejected = seen**2 - blur**2 > REJECTED**2
-    odds = np.where(rejected, np.minimum(odds, share * prior.unknown), odds)
-    odds = _simplest(pool, weight, seen, odds)
-    # The better the film is met, the less probable is none, also below what is seen.
+    rejected = off.seen**2 - off.blur[:, None] ** 2 > REJECTED**2
+    return np.where(rejected, np.minimum(odds, share * prior.unknown), odds), rejected
+
+
+def _beside_none(
+    odds: Float[np.ndarray, "spectra candidates"],
+    rejected: Bool[np.ndarray, "spectra candidates"],
+    off: Off,
+    prior: Prior,
+) -> Odds:
+    """With the odds of none: the better a film is met, the less probable it is, also below what is seen."""
     kept = odds / odds.sum(axis=1, keepdims=True)
-    met = np.exp(np.sum(np.where(kept > 0, kept * np.log(np.clip(off, 0.1, 100.0)), 0.0), axis=1))
+    met = np.exp(np.sum(np.where(kept > 0, kept * np.log(np.clip(_whole(off), 0.1, 100.0)), 0.0), axis=1))
     none = prior.unknown * np.exp(log_odds_of_none(np.minimum(met, UNSEEN)) - log_odds_of_none(UNSEEN))
     return Odds(odds, none, met, rejected)
 
 
-def _simplest(pool: Pool, weight: np.ndarray, seen: np.ndarray, odds: np.ndarray) -> np.ndarray:
+def smaller_sets(pool: Pool, row: int, possible: Bool[np.ndarray, "candidates"]) -> list[Smaller]:
+    """Candidates of one coat that have others of one paint less beside them, largest sets first."""
+    size = (pool.members[row] != NOBODY).sum(axis=1)
+    sets: dict[int, tuple[int, frozenset[int]]] = {}
+    place: dict[tuple[int, frozenset[int]], int] = {}
+    here = np.flatnonzero(possible & ~pool.coats[row].any(axis=-1))
+    for n in here[np.argsort(-pool.log_weight[row, here], kind="stable")].tolist():
+        sets[n] = int(pool.condition[row, n]), frozenset(pool.members[row, n, : size[n]].tolist())
+        place.setdefault(sets[n], n)
+    out = []
+    for n in sorted(sets, key=lambda n: -size[n]):
+        condition, paints = sets[n]
+        less = [place[key] for paint in paints if (key := (condition, paints - {paint})) in place]
+        if less:
+            out.append(Smaller(n, less))
+    return out
+
+
+def simplest(
+    order: Sequence[Smaller],
+    weight: Float[np.ndarray, "spectra candidates"],
+    seen: Float[np.ndarray, "spectra candidates"],
+    odds: Float[np.ndarray, "spectra candidates"],
+) -> Float[np.ndarray, "spectra candidates"]:
     """Odds with those of a set and of the same set less one paint changed over, where that paint earns nothing.
 
     A paint earns its place by evidence or by a difference that is seen; else the simpler film comes first.
     """
     odds = odds.copy()
-    size = (pool.members != NOBODY).sum(axis=2)
-    for row in range(len(odds)):
-        sets: dict[int, tuple[int, frozenset[int]]] = {}
-        place: dict[tuple[int, frozenset[int]], int] = {}
-        here = np.flatnonzero((odds[row] > 0) & ~pool.coats[row].any(axis=-1))
-        for n in here[np.argsort(-weight[row, here], kind="stable")].tolist():
-            sets[n] = int(pool.condition[row, n]), frozenset(pool.members[row, n, : size[row, n]].tolist())
-            place.setdefault(sets[n], n)
-        for n in sorted(sets, key=lambda n: -size[row, n]):
-            condition, paints = sets[n]
-            smaller = (place.get((condition, paints - {paint})) for paint in paints)
-            enough = [
-                m
-                for m in smaller
-                if m is not None
-                and odds[row, m] < odds[row, n]
-                and weight[row, m] > weight[row, n] - _EARNS
-                and seen[row, m] < max(seen[row, n], _EARNS_COLOUR) + _EARNS_COLOUR
-            ]
-            if enough:
-                best = max(enough, key=lambda m: weight[row, m])
-                odds[row, [best, n]] = odds[row, [n, best]]
+    for n, less in order:
+        enough = (
+            (odds[:, less] < odds[:, n, None])
+            & (weight[:, less] > weight[:, n, None] - _EARNS)
+            & (seen[:, less] < np.maximum(seen[:, n], _EARNS_COLOUR)[:, None] + _EARNS_COLOUR)
+        )
+        rows = np.flatnonzero(enough.any(axis=1))
+        if rows.size:
+            best = np.asarray(less)[np.argmax(np.where(enough, weight[:, less], -np.inf)[rows], axis=1)]
+            odds[rows, best], odds[rows, n] = odds[rows, n], odds[rows, best]
     return odds
 
 
@@ -135,18 +201,8 @@ def _colour_difference(measured: Measured, computed: np.ndarray) -> np.ndarray:
     return off
 
 
-def _misfits(
-    measured: Measured, pool: Pool, share: np.ndarray
-) -> tuple[
-    Float[np.ndarray, "spectra candidates"],
-    Float[np.ndarray, "spectra candidates"],
-    Float[np.ndarray, "spectra candidates"],
-]:
-    """How far off the candidates are; infinite for those that hardly matter.
-
-    Delta E00, the larger over the grounds, as fitted and with errors of their paints allowed; and the root mean square
-    of the latter's residual, noise aside.
-    """
+def misfits(measured: Measured, pool: Pool, share: Float[np.ndarray, "spectra candidates"]) -> Off:
+    """How far off the candidates are, those of the largest share."""
     # The colour of a spectrum costs as much as its fit.
     few = np.argsort(-share, axis=1, kind="stable")[:, :_LOOKED_AT]
     rows = np.arange(len(measured))[:, None]
@@ -161,4 +217,4 @@ def _misfits(
         return out
 
     off, less = (placed(_colour_difference(measured, readings)) for readings in (fitted, allowed))
-    return off, less, placed(left)
+    return Off(off, less, placed(left), _of_noise(measured))

@@ -35,7 +35,7 @@ class Way(IntEnum):
     NONE = 0
     UPDATED = 1  # from the representative next to it, in closed form
     SEARCHED = 2  # by a search of its own
-    COPIED = 3  # the very spectrum of another pixel
+    NEIGHBOUR = 3  # in closed form too, from a pixel of the same window that was searched
 
 
 class Variable(NamedTuple):
@@ -70,6 +70,6 @@ VARIABLES = (
     Variable("rmse", "float32", float("nan"), "1", "root mean square of measured less fitted reflectance"),
     Variable("true_colour", "uint8", 0, "", "sRGB under D65, 2 degrees", ("rgb",)),
 )
-"""All arrays of a map. `paint` counts the catalogue's paints, `place` the paints of a set, `rgb` red, green and blue."""
+"""All arrays of a map. `paint` counts the catalogue's paints, `place` those of a set, `rgb` red, green and blue."""
 
 BY_NAME = {variable.name: variable for variable in VARIABLES}

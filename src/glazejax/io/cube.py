@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from ..spectra import describe_grid
 from .finish import RawSpectra, finish
@@ -91,7 +91,10 @@ def with_gaps(raw: np.ndarray, ignore: float | None) -> Float[np.ndarray, "..."]
     with np.errstate(invalid="ignore"):  # NaN of a kind that signals
         values = raw.astype(np.float64)
     if ignore is not None:
-        # A mark such as -1.23e34 is rounded as the data are.
-        mark = np.float64(raw.dtype.type(ignore)) if raw.dtype.kind == "f" else ignore
-        values[values == mark] = np.nan
+        values[is_mark(raw, ignore)] = np.nan
     return values
+
+
+def is_mark(raw: np.ndarray, mark: float) -> Bool[np.ndarray, "..."]:
+    """Where numbers of a file are its mark of missing data; one such as -1.23e34 is rounded as the data are."""
+    return raw == (raw.dtype.type(mark) if raw.dtype.kind == "f" else mark)

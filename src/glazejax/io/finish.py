@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from jaxtyping import Float
+from jaxtyping import Float, Int
 
 from ..spectra import MAX_FRACTION, MIN_PERCENT, as_fraction, validate_wavelengths
 from .source import refusal
@@ -243,3 +243,41 @@ def nanometres(
             raise ValueError("wavenumbers must be positive")
         return 1e7 / wavelengths, ["wavenumbers in 1/cm were turned into wavelengths"]
     raise ValueError(f"wavelengths are in {unit!r}; known units are nm, um, angstrom, m and 1/cm")
+
+
+def in_order(
+    wavelengths: Float[np.ndarray, "stored"], bands: Int[np.ndarray, "used"], notes: list[str]
+) -> tuple[Float[np.ndarray, "used"], Int[np.ndarray, "used"]]:
+    """Wavelengths of the bands that are used, sorted, and the bands in that order; a note says if that changed them."""
+    order = np.argsort(wavelengths[bands], kind="stable")
+    if (order != np.arange(order.size)).any():
+        notes.append("bands were sorted by wavelength")
+    bands = bands[order]
+    return wavelengths[bands], bands
+
+
+def unit_of(level: float, declared: float | None, cure: str) -> tuple[float, str, list[str]]:
+    """Number that stands for a reflectance of 1, the unit's name and notes, for an image of which the level is known.
+
+    Args:
+        level: what the bright pixels reach: in fractions if the scale is declared, else in the file's numbers.
+        declared: the scale that the file or the user says, or None to tell fractions from percent.
+        cure: what to do where the numbers are neither.
+
+    Raises:
+        ValueError: neither fractions nor percent, or much above 1 by the declared scale.
+    """
+    if declared is not None:
+        if level > MAX_DECLARED:
+            raise ValueError(f"pixels reach a reflectance of {level:g} by the reflectance scale factor {declared:g}")
+        scale, unit = declared, {1.0: "fraction", 100.0: "percent"}.get(declared, "scaled")
+    elif level <= MIN_PERCENT:
+        scale, unit = 1.0, "fraction"
+    elif level <= 100 * MAX_FRACTION:
+        scale, unit = 100.0, "percent"
+    else:
+        raise ValueError(f"pixels reach {level:g}, neither fraction nor percent: {cure}")
+    notes = []
+    if scale != 1.0:
+        notes.append("values are in percent; divided by 100" if scale == 100.0 else f"divided by {scale:g}")
+    return scale, unit, notes

@@ -65,14 +65,25 @@ def read_cube(path: str | Path) -> SpectraCube:
         OSError: the system cannot read it.
         ValueError: it is no ENVI image, or not a legal one.
     """
+    envi = envi_file(path)
+    if envi.is_library:
+        raise envi.error("an ENVI spectral library, not an image; use read_spectra")
+    return envi.cube()
+
+
+def envi_file(path: str | Path) -> "EnviFile":
+    """ENVI file of which header or data are named: the header read and the sizes checked.
+
+    Raises:
+        FileNotFoundError: no such file, or a header without its data.
+        OSError: the system cannot read it.
+        ValueError: it is no ENVI file, or not a legal one.
+    """
     with opened(path) as source:
         kind = identify(source)
         if kind not in ("envi header", "envi data"):
             raise source.error("not an ENVI image; read_spectra reads tables and libraries of spectra")
-        envi = _envi(source, kind)
-        if envi.is_library:
-            raise source.error("an ENVI spectral library, not an image; use read_spectra")
-        return envi.cube()
+        return _envi(source, kind)
 
 
 def _envi(source: Source, kind: Kind) -> "EnviFile":

@@ -2,16 +2,15 @@
 
 import re
 from collections.abc import Iterator
-from functools import cached_property
 from math import prod
 from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float, Int
 
-from ...spectra import MAX_FRACTION, MIN_PERCENT, validate_wavelengths
+from ...spectra import validate_wavelengths
 from ..cube import SpectraCube, with_gaps
-from ..finish import MAX_DECLARED, RawSpectra, nanometres
+from ..finish import RawSpectra, in_order, nanometres, unit_of
 from ..source import Source, explained, is_there, opened, refusal, shown
 from ..spectra_table import SpectraTable
 
@@ -79,7 +78,7 @@ class EnviFile:
     def __init__(self, source: Source, data: Path | None = None):
         self.path: Path = source.path
         self.header: dict[str, str | list[str]] = read_header(source)
-        self._sizes = {title: self._whole(title, 1) for title in ("lines", "samples", "bands")}
+        self.sizes: dict[str, int] = {title: self._whole(title, 1) for title in ("lines", "samples", "bands")}
         self._offset = self._whole("header offset", 0)
         self._interleave = str(self.header["interleave"]).strip().lower()
         if self._interleave not in _AXES:
@@ -93,11 +92,11 @@ class EnviFile:
         if kind.startswith("c"):
             raise self.error("the data are complex numbers, not reflectance")
         for title in ("file compression", "major frame offsets", "minor frame offsets"):
-            if any(entry.strip(" {}") not in ("", "0") for entry in _list(self.header, title)):
+            if any(entry.strip(" {}") not in ("", "0") for entry in self.entries(title)):
                 raise self.error(f"the ENVI header has {title!r}, which is not understood; save it without")
         self._dtype = np.dtype(("<", ">")[order] + kind)
         self.data: Path = data or self._data_beside()
-        needed = self._offset + prod(self._sizes.values()) * self._dtype.itemsize
+        needed = self._offset + prod(self.sizes.values()) * self._dtype.itemsize
         with opened(self.data) as found:
             size = found.size
         if size is None or size < needed:
@@ -115,6 +114,11 @@ class EnviFile:
         """What is wrong with the header."""
         return refusal(self.path, complaint)
 
+    def entries(self, title: str) -> list[str]:
+        """Entries of a list in the header; none if there is no such list."""
+        value = self.header.get(title, [])
+        return [text.strip() for text in (value if isinstance(value, list) else [value]) if text.strip()]
+
     @property
     def is_library(self) -> bool:
         """Whether the header is that of a spectral library."""
@@ -129,13 +133,13 @@ class EnviFile:
         Raises:
             ValueError: header or data are not legal, or there are no wavelengths.
         """
-        count, width, depth = self._sizes["lines"], self._sizes["samples"], self._sizes["bands"]
+        count, width, depth = self.sizes["lines"], self.sizes["samples"], self.sizes["bands"]
         if depth != 1:
             raise self.error(f"an ENVI spectral library of {depth} bands, where one is legal")
         if count * width > _MAX_VALUES:
             raise self.error(f"{count} spectra of {width} bands are too many to be read at once; split the library")
-        wavelengths, bands, notes = self._grid
-        names = _list(self.header, "spectra names") or [f"spectrum {i + 1}" for i in range(count)]
+        wavelengths, bands, notes = self.grid()
+        names = self.entries("spectra names") or [f"spectrum {i + 1}" for i in range(count)]
         if len(names) != count:
             raise self.error(
                 f"{len(names)} spectra names for {count} spectra; does a name hold a comma, which ENVI splits?"
@@ -153,15 +157,15 @@ class EnviFile:
             file.seek(self._offset)
             if file.readinto(stored.data.cast("B")) != stored.nbytes:
                 raise refusal(self.data, "the file was cut short while it was read")
-            values = with_gaps(stored.reshape(count, width)[:, bands], self._ignore)
+            values = with_gaps(stored.reshape(count, width)[:, bands], self.ignore)
         return RawSpectra(
             wavelengths,
             names,
             values,
             "ENVI spectral library",
             notes,
-            self._declared_scale,
-            "refuse" if self._ignore is None else "drop",
+            self.declared_scale,
+            "refuse" if self.ignore is None else "drop",
             attributes,
         )
 
@@ -174,36 +178,28 @@ class EnviFile:
             ValueError: header or data are not legal, there are no wavelengths, or the numbers are neither fractions
                 nor percent and the header has no reflectance scale factor.
         """
-        wavelengths, bands, notes = self._grid
+        wavelengths, bands, notes = self.grid()
         try:
             grid = validate_wavelengths(wavelengths)
         except ValueError as error:
             raise self.error(error) from None
+        raw = self.mapped()
+        declared = self.declared_scale
+        probe = SpectraCube(grid, raw, bands, declared or 1.0, self.ignore, notes, "ENVI image", "fraction", self.path)
+        try:
+            scale, unit, told = unit_of(
+                _bright(probe), declared, "add 'reflectance scale factor = 10000', say, to the header"
+            )
+        except ValueError as error:
+            raise self.error(error) from None
+        return SpectraCube(grid, raw, bands, scale, self.ignore, [*notes, *told], "ENVI image", unit, self.path)
+
+    def mapped(self) -> np.ndarray:
+        """All numbers as they are stored, (lines, samples, bands), mapped into memory and not read."""
         axes, order = _AXES[self._interleave]
         with explained(self.data):
-            shape = tuple(self._sizes[axis] for axis in axes)
-            raw = np.memmap(self.data, self._dtype, "r", self._offset, shape).transpose(order)
-        declared = self._declared_scale
-        probe = SpectraCube(grid, raw, bands, declared or 1.0, self._ignore, notes, "ENVI image", "fraction", self.path)
-        level = _bright(probe)
-        if declared is not None:
-            if level > MAX_DECLARED:
-                raise self.error(
-                    f"pixels reach a reflectance of {level:g} by the header's reflectance scale factor {declared:g}"
-                )
-            scale, unit = declared, {1.0: "fraction", 100.0: "percent"}.get(declared, "scaled")
-        elif level <= MIN_PERCENT:
-            scale, unit = 1.0, "fraction"
-        elif level <= 100 * MAX_FRACTION:
-            scale, unit = 100.0, "percent"
-        else:
-            raise self.error(
-                f"pixels reach {level:g}, neither fraction nor percent: add 'reflectance scale factor = 10000', say, "
-                "to the header"
-            )
-        if scale != 1.0:
-            notes.append("values are in percent; divided by 100" if scale == 100.0 else f"divided by {scale:g}")
-        return SpectraCube(grid, raw, bands, scale, self._ignore, notes, "ENVI image", unit, self.path)
+            shape = tuple(self.sizes[axis] for axis in axes)
+            return np.memmap(self.data, self._dtype, "r", self._offset, shape).transpose(order)
 
     def _data_beside(self) -> Path:
         """Data file of the header, by the names that ENVI and its kin use."""
@@ -217,11 +213,24 @@ class EnviFile:
             f"{stem.name}.sli, .img, ..."
         )
 
-    @cached_property
-    def _grid(self) -> tuple[Float[np.ndarray, "bands"], Int[np.ndarray, "bands"], list[str]]:
-        """Wavelengths in ascending order, which stored bands they are, and notes; bad bands are left out."""
-        count = self._sizes["samples" if self.is_library else "bands"]
-        texts = _list(self.header, "wavelength")
+    def grid(self) -> tuple[Float[np.ndarray, "bands"], Int[np.ndarray, "bands"], list[str]]:
+        """Wavelengths in ascending order, which stored bands they are, and notes; bad bands are left out.
+
+        Raises:
+            ValueError: there are none, or they are not legal.
+        """
+        wavelengths, notes = self.wavelengths()
+        bands = self.good_bands(notes)
+        return *in_order(wavelengths, bands, notes), notes
+
+    def wavelengths(self) -> tuple[Float[np.ndarray, "bands"], list[str]]:
+        """Wavelengths of the stored bands, in nm and the file's order, and notes.
+
+        Raises:
+            ValueError: there are none, or they are not legal.
+        """
+        count = self.sizes["samples" if self.is_library else "bands"]
+        texts = self.entries("wavelength")
         if not texts:
             raise self.error("the ENVI header has no wavelengths; add 'wavelength = {400, 410, ...}'")
         if len(texts) != count:
@@ -235,10 +244,18 @@ class EnviFile:
         if not np.isfinite(values).all():
             raise self.error(f"wavelength number {int(np.argmin(np.isfinite(values))) + 1} is not finite")
         try:
-            wavelengths, notes = nanometres(values, " ".join(_list(self.header, "wavelength units")))
+            return nanometres(values, " ".join(self.entries("wavelength units")))
         except ValueError as error:
             raise self.error(error) from None
-        good = _list(self.header, "bbl")
+
+    def good_bands(self, notes: list[str]) -> Int[np.ndarray, "good"]:
+        """Stored bands that the header's ``bbl`` does not mark as bad; a note says how many it does.
+
+        Raises:
+            ValueError: the list has another length, or marks all.
+        """
+        count = self.sizes["samples" if self.is_library else "bands"]
+        good = self.entries("bbl")
         bands = np.arange(count)
         if good:
             if len(good) != count:
@@ -248,11 +265,7 @@ class EnviFile:
                 raise self.error("the header marks every band as bad (bbl)")
             if bands.size < count:
                 notes.append(f"{count - bands.size} bands that the header marks as bad are left out")
-        order = np.argsort(wavelengths[bands], kind="stable")
-        if (order != np.arange(order.size)).any():
-            notes.append("bands were sorted by wavelength")
-        bands = bands[order]
-        return wavelengths[bands], bands, notes
+        return bands
 
     def _whole(self, title: str, least: int) -> int:
         """Whole number in a field of the header; 0 where it is left out."""
@@ -276,21 +289,17 @@ class EnviFile:
             raise self.error(f"{title!r} in the header is {text[:30]!r}, not a number") from None
 
     @property
-    def _ignore(self) -> float | None:
+    def ignore(self) -> float | None:
+        """Number that marks missing data, or None."""
         return self._number("data ignore value")
 
     @property
-    def _declared_scale(self) -> float | None:
+    def declared_scale(self) -> float | None:
+        """Number that stands for a reflectance of 1 by the header, or None."""
         scale = self._number("reflectance scale factor")
         if scale is not None and not (np.isfinite(scale) and scale > 0):
             raise self.error(f"the header's reflectance scale factor is {scale:g}; it must be positive")
         return scale
-
-
-def _list(header: dict[str, str | list[str]], title: str) -> list[str]:
-    """Entries of a list in the header; none if there is no such list."""
-    value = header.get(title, [])
-    return [text.strip() for text in (value if isinstance(value, list) else [value]) if text.strip()]
 
 
 def _bright(cube: SpectraCube) -> float:

@@ -1,0 +1,56 @@
+"""Representatives of an image with their candidates, and what they say of any of its spectra."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from glazejax.radiative.common.threads import in_threads
+
+from ..film.errors import Prior
+from .local import Searched
+from .survey import Features, nearest
+from .update import Answers, Updater
+
+# Groups of spectra that a thread takes at a time.
+_TOGETHER = 64
+
+
+@dataclass(frozen=True)
+class Atlas:
+    """What was found of representatives.
+
+    Attributes:
+        features: by which spectra are compared with them.
+        centres: their features.
+        known: their candidates.
+        prior: what was expected.
+    """
+
+    features: Features
+    centres: Float[np.ndarray, "representatives directions"]
+    known: Searched
+    prior: Prior
+
+    @classmethod
+    def of(cls, features: Features, known: Searched, prior: Prior) -> "Atlas":
+        """Of representatives that were searched."""
+        return cls(features, features(known.readings), known, prior)
+
+    def answers(self, readings: Float[np.ndarray, "spectra bands"]) -> tuple[Answers, Float[np.ndarray, "spectra"]]:
+        """What is said of spectra, and how far each is from its representative."""
+        which, apart = nearest(self.features(readings), self.centres)
+        order = np.argsort(which, kind="stable")
+        used, first = np.unique(which[order], return_index=True)
+        groups = list(zip(used.tolist(), np.split(order, first[1:]), strict=True))
+        paints = self.known.rest_paints.shape[1]
+        found = Answers.empty(len(readings), paints, readings.shape[1])
+        ends = np.searchsorted(self.known.local.row, np.arange(len(self.centres) + 1))
+
+        def some(pairs: list[tuple[int, np.ndarray]]) -> None:
+            for number, rows in pairs:
+                own = Updater(self.known, number, slice(ends[number], ends[number + 1]), self.prior)
+                found.put(rows, own.answers(readings[rows]))
+
+        in_threads(some, [groups[n : n + _TOGETHER] for n in range(0, len(groups), _TOGETHER)])
+        return found, apart

@@ -1,0 +1,116 @@
+"""What is known of a window once it is solved: its arrays, its counts, and sums over the pixels of each set."""
+
+import io
+import json
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Self
+
+import numpy as np
+from jaxtyping import Float
+
+Members = tuple[int, ...]
+"""Paints of a set by number, ascending; () where none of the paints explain a pixel."""
+
+
+@dataclass
+class SetSum:
+    """Sums over the pixels whose most probable set is this one.
+
+    Attributes:
+        pixels: how many there are.
+        spectrum: (bands,) sum of their readings at the working bands.
+        fitted: (bands,) sum of what was fitted to them.
+        square: (bands,) sum of their readings squared.
+        thickness: sum of their thicknesses, m, and how many have one.
+    """
+
+    pixels: int
+    spectrum: Float[np.ndarray, "bands"]
+    fitted: Float[np.ndarray, "bands"]
+    square: Float[np.ndarray, "bands"]
+    thickness: tuple[float, int] = (0.0, 0)
+
+    def __add__(self, other: Self) -> "SetSum":
+        return SetSum(
+            self.pixels + other.pixels,
+            self.spectrum + other.spectrum,
+            self.fitted + other.fitted,
+            self.square + other.square,
+            (self.thickness[0] + other.thickness[0], self.thickness[1] + other.thickness[1]),
+        )
+
+
+@dataclass
+class ChunkMaps:
+    """Maps of one window.
+
+    Attributes:
+        arrays: by the names of `layout.VARIABLES`, (y, x, ...); what is left out is filled.
+        tallies: counts that are summed over windows, such as pixels of each status.
+        sets: sums over the pixels of each set.
+    """
+
+    arrays: dict[str, np.ndarray]
+    tallies: dict[str, float] = field(default_factory=dict)
+    sets: dict[Members, SetSum] = field(default_factory=dict)
+
+
+def add_tallies(into: dict[str, float], more: Mapping[str, float]) -> None:
+    """Add counts to others."""
+    for name, count in more.items():
+        into[name] = into.get(name, 0) + count
+
+
+def add_sets(into: dict[Members, SetSum], more: Mapping[Members, SetSum]) -> None:
+    """Add sums of sets to others."""
+    for members, one in more.items():
+        into[members] = into[members] + one if members in into else one
+
+
+def pack(tallies: Mapping[str, float], sets: Mapping[Members, SetSum]) -> bytes:
+    """Counts and sums as the bytes of an NPZ; `unpack` gives the same numbers back, bit for bit."""
+    rows = list(sets.items())
+    longest = max((len(members) for members, _ in rows), default=0)
+    file = io.BytesIO()
+    np.savez(
+        file,
+        tallies=np.frombuffer(json.dumps(dict(tallies)).encode(), np.uint8),
+        members=np.array([[*m, *[-1] * (longest - len(m))] for m, _ in rows], np.int32).reshape(len(rows), longest),
+        pixels=np.array([s.pixels for _, s in rows], np.int64),
+        thickness=np.array([s.thickness[0] for _, s in rows], np.float64),
+        with_thickness=np.array([s.thickness[1] for _, s in rows], np.int64),
+        **{name: _stacked(getattr(s, name) for _, s in rows) for name in ("spectrum", "fitted", "square")},
+    )
+    return file.getvalue()
+
+
+def unpack(content: bytes) -> tuple[dict[str, float], dict[Members, SetSum]]:
+    """Counts and sums of what `pack` made.
+
+    Raises:
+        ValueError: the bytes are something else, or were cut short.
+    """
+    from zipfile import BadZipFile
+
+    try:
+        with np.load(io.BytesIO(content), allow_pickle=False) as kept:
+            parts = {name: kept[name] for name in kept.files}
+        sets = {
+            tuple(int(m) for m in members if m >= 0): SetSum(
+                int(parts["pixels"][i]),
+                parts["spectrum"][i],
+                parts["fitted"][i],
+                parts["square"][i],
+                (float(parts["thickness"][i]), int(parts["with_thickness"][i])),
+            )
+            for i, members in enumerate(parts["members"])
+        }
+        return json.loads(parts["tallies"].tobytes()), sets
+    except (BadZipFile, EOFError, KeyError, IndexError, OSError, ValueError) as error:
+        raise ValueError(f"the sums of a chunk cannot be read: {error}") from None
+
+
+def _stacked(spectra: Iterable[Float[np.ndarray, "bands"]]) -> Float[np.ndarray, "sets bands"]:
+    rows = [np.asarray(spectrum, np.float64) for spectrum in spectra]
+    return np.stack(rows) if rows else np.zeros((0, 0))

@@ -1,0 +1,110 @@
+"""Work by keys on a dask cluster. Imports `distributed`, and is imported by functions that have a client."""
+
+import sys
+from collections.abc import Callable, Generator, Sequence
+from typing import Any, TypeVar
+from uuid import uuid4
+
+from distributed import CancelledError, Client, KilledWorker, Worker, WorkerPlugin, as_completed, get_worker
+
+Result = TypeVar("Result")
+
+# A worker computes one piece while the next waits for it; more would only fill memories.
+_IN_FLIGHT = 2
+_RETRIES = 3
+_PATIENCE = 60
+
+
+class _Tool(WorkerPlugin):
+    """The work itself, once on every worker, those that join later included, so that tasks carry a key alone.
+
+    As a future that tasks depend on it would draw all tasks to the worker that has it, and be lost with that worker.
+    """
+
+    def __init__(self, name: str, work: Callable[[str], Any]):
+        self.name, self.work = name, work
+        self.precision = bool(sys.modules["jax"].config.jax_enable_x64) if "jax" in sys.modules else None
+
+    def setup(self, worker: Worker) -> None:
+        """Have JAX compute in the precision of the process that asks."""
+        if self.precision is not None:
+            import jax
+
+            jax.config.update("jax_enable_x64", self.precision)
+
+
+def _do(name: str, key: str) -> Any:
+    """One piece, on a worker."""
+    tool = get_worker().plugins[name]
+    assert isinstance(tool, _Tool)
+    return tool.work(key)
+
+
+def on_cluster(
+    todo: Sequence[str], work: Callable[[str], Result], client: Client
+) -> Generator[tuple[str, Result], None, None]:
+    """Results of keys from the workers of a cluster, as they come; few are asked for at a time.
+
+    Args:
+        todo: different keys.
+        work: from a key to its result; both can be pickled.
+        client: of the cluster.
+
+    Raises:
+        RuntimeError: no worker came, they lack a package, or several died over the same piece.
+        ConnectionError: the cluster was lost.
+    """
+    if not todo:
+        return
+    address = client.scheduler_info()["address"]
+    try:
+        client.wait_for_workers(1, timeout=_PATIENCE)
+    except TimeoutError:
+        raise RuntimeError(f"the dask cluster at {address} has no workers; start some with `dask worker "
+                           f"{address}`") from None  # fmt: skip
+    name = f"glazejax-{uuid4().hex[:12]}"
+    try:
+        client.register_plugin(_Tool(name, work), name=name)
+    except ModuleNotFoundError as error:
+        raise RuntimeError(f"the workers of the dask cluster at {address} lack a package ({error}); install glazejax "
+                           "there as it is here") from None  # fmt: skip
+    flying = as_completed(loop=client.loop)
+    names, waiting = {}, iter(todo)
+
+    def fill() -> None:
+        room = _IN_FLIGHT * max(len(client.nthreads()), 1) - len(names)
+        # The count comes first: `zip` would take one key more than it gives.
+        for _, key in zip(range(room), waiting, strict=False):
+            future = client.submit(_do, name, key, key=f"{name}-{key}", retries=_RETRIES, pure=False)
+            names[future] = key
+            flying.add(future)
+
+    try:
+        fill()
+        for future in flying:
+            key = names[future]
+            try:
+                result = future.result()
+            except KilledWorker:
+                raise RuntimeError(f"the dask workers that took on {key} died one after another: have they enough "
+                                   "memory? What is finished is kept, and the same run goes on") from None  # fmt: skip
+            except CancelledError:
+                raise _lost() from None
+            del names[future]
+            future.release()
+            yield key, result
+            del result
+            try:
+                fill()
+            except (OSError, RuntimeError):
+                if client.status == "running":
+                    raise
+                raise _lost() from None
+    finally:
+        if client.status == "running":
+            client.cancel([*names])
+            client.unregister_worker_plugin(name)
+
+
+def _lost() -> ConnectionError:
+    return ConnectionError("the dask cluster was lost or restarted; what is finished is kept, and the same run goes on")

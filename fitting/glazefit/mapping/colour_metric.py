@@ -1,0 +1,42 @@
+"""CIEDE2000 near a spectrum, as the length of a vector that is linear in the readings."""
+
+import numpy as np
+from jaxtyping import Float
+
+from glazejax.colour import delta_e_2000, lab
+
+# Units of Lab, and of reflectance, over which differences are taken.
+_STEP, _READING = 0.3, 1e-3
+# Without a colour, a residual's root mean square counts so much.
+_COLOUR_OF_RMSE = 100.0
+
+
+def colour_metric(
+    wavelengths: Float[np.ndarray, "bands"], readings: Float[np.ndarray, "spectra bands"]
+) -> Float[np.ndarray, "spectra colours bands"]:
+    """T for each spectrum, so that |T d| is Delta E00 (D65, 10 degrees) to the spectrum moved by a small d.
+
+    Where the bands give no colour, a hundred times the root mean square.
+    """
+    count, bands = readings.shape
+    try:
+        base = np.asarray(lab(wavelengths, readings, observer=10))
+    except ValueError:
+        return np.broadcast_to(_COLOUR_OF_RMSE / np.sqrt(bands) * np.eye(bands), (count, bands, bands)).copy()
+    moved = readings[:, None] + _READING * np.eye(bands)
+    by_reading = (np.asarray(lab(wavelengths, moved, observer=10)) - base[:, None]) / _READING
+    squared = np.zeros((count, 3, 3))
+    # By polarisation: four times a product is the square of the sum less that of the difference.
+    for i in range(3):
+        for j in range(i + 1):
+            one, other = _STEP * np.eye(3)[i], _STEP * np.eye(3)[j]
+            plus = _squared(base, 0.5 * (one + other)) + _squared(base, -0.5 * (one + other))
+            minus = _squared(base, 0.5 * (one - other)) + _squared(base, -0.5 * (one - other))
+            squared[:, i, j] = squared[:, j, i] = 0.5 * (plus - minus) / _STEP**2
+    values, vectors = np.linalg.eigh(squared)
+    root = np.sqrt(np.maximum(values, 1e-9))[:, :, None] * np.swapaxes(vectors, 1, 2)
+    return root @ np.swapaxes(by_reading, 1, 2)
+
+
+def _squared(base: Float[np.ndarray, "spectra 3"], step: Float[np.ndarray, "3"]) -> Float[np.ndarray, "spectra"]:
+    return np.asarray(delta_e_2000(base, base + step)) ** 2

@@ -1,0 +1,249 @@
+"""A map as one NetCDF or ENVI file for other programs, written window by window."""
+
+import json
+import re
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import Float
+
+from glazejax.extras import require
+from glazejax.io.outputs import check_output
+
+from .keyed import FULL
+from .layout import BY_NAME, VARIABLES, Status
+from .store import MapStore, open_map
+from .windows import Window
+
+if TYPE_CHECKING:
+    import xarray
+
+_NETCDF = (".nc", ".nc4", ".h5")
+_ENVI = (".hdr", ".img", ".dat", ".bsq")
+# Bands of an ENVI file that are one number a pixel: name in the map, name of the band, factor.
+_SINGLE = (
+    *((name, name, 1.0) for name in ("status", "way", "condition", "explained", "probability", "none")),
+    ("thickness", "thickness (um)", 1e6),
+    ("thickness_sd", "thickness standard deviation (um)", 1e6),
+    ("misfit", "misfit (Delta E00)", 1.0),
+    ("rmse", "rmse", 1.0),
+)
+
+
+def check_export(path: str | Path, *, overwrite: bool = False, argument: str = "") -> list[Path]:
+    """The files that a map would be exported to, if they can be written; asked before anything is computed.
+
+    Args:
+        path: its ending says the format: .nc, .nc4 or .h5 for NetCDF; .hdr, .img, .dat or .bsq for ENVI (two files).
+        overwrite: whether files that exist may be replaced.
+        argument: what the path was given as; errors begin with it.
+
+    Raises:
+        ValueError: no format has the ending.
+        FileExistsError, FileNotFoundError, IsADirectoryError: see `glazejax.io.outputs.check_output`.
+        ModuleNotFoundError: what writes the format is not installed.
+    """
+    path = Path(path)
+    ending = path.suffix.lower()
+    if ending in _NETCDF:
+        require("h5netcdf", "dask")
+        files = [path]
+    elif ending in _ENVI:
+        files = [path.with_suffix(".hdr"), path if ending != ".hdr" else path.with_suffix(".img")]
+    else:
+        said = f"{argument} {path}" if argument else f"{path}"
+        raise ValueError(f"{said}: maps are exported as NetCDF (.nc) or ENVI (.hdr or .img); name such a file")
+    return [check_output(file, overwrite=overwrite, argument=argument) for file in files]
+
+
+def export_map(
+    map: str | Path,
+    path: str | Path,
+    *,
+    overwrite: bool = False,
+    told: Callable[[int, int], None] | None = None,
+) -> list[Path]:
+    """Write a map as one NetCDF file, or as an ENVI image and its header.
+
+    NetCDF holds all that the map holds. The ENVI image is float32, band after band: status, way, condition,
+    probability, none, thickness, misfit and rmse, then of each paint its probability, its share by mass (0 where the
+    pixel's set is without it) and that share's standard deviation; NaN where a pixel was not mapped.
+
+    Args:
+        map: folder of the map.
+        path: see `check_export`.
+        overwrite: whether files that exist may be replaced.
+        told: called with windows done and windows in all; of ENVI only.
+
+    Returns:
+        The files.
+
+    Raises:
+        ValueError, FileExistsError, FileNotFoundError, IsADirectoryError, ModuleNotFoundError: see `check_export`.
+        OSError: the disk is full; nothing is left of the file then.
+    """
+    files = check_export(path, overwrite=overwrite)
+    store = MapStore.open(map)
+    if files[0].suffix.lower() in _NETCDF:
+        with _whole(files[0]) as part:
+            _write_netcdf(store, part)
+    else:
+        header, data = files
+        names = _band_names(store.paints)
+        with _whole(data) as part:
+            _write_bands(store, part, len(names), told)
+        with _whole(header) as part:
+            part.write_text(_header(open_map(map), names), encoding="utf-8")
+    return files
+
+
+def _write_netcdf(store: MapStore, path: Path) -> None:
+    import dask
+
+    dataset = open_map(store.path)
+    dataset.attrs = _flat(dataset.attrs)
+    encoding: dict[str, dict[str, Any]] = {}
+    for variable in VARIABLES:
+        array = dataset[variable.name]
+        further = array.shape[2:]
+        encoding[variable.name] = {
+            "zlib": True,
+            "complevel": 1,
+            "shuffle": True,
+            "chunksizes": (*store.chunk, *further),
+        }
+        if np.dtype(variable.dtype).kind != "f":
+            # A fill value would turn whole numbers into others in programs that mask it.
+            encoding[variable.name]["_FillValue"] = None
+    for name, array in dataset.variables.items():
+        array.attrs = _flat(array.attrs)
+        array.encoding = {}
+        if name not in BY_NAME and array.dtype.kind == "f":
+            encoding[str(name)] = {"_FillValue": None}
+    # One window after another: the cores would only hold more of them in memory.
+    with dask.config.set(scheduler="synchronous"):
+        dataset.chunk({"y": store.chunk[0], "x": store.chunk[1]}).to_netcdf(path, engine="h5netcdf", encoding=encoding)
+
+
+def _flat(attrs: Mapping[Any, Any]) -> dict[str, Any]:
+    """Attributes as NetCDF has them: what is nested as JSON, nothing left out."""
+    found: dict[str, Any] = {}
+    for name, value in attrs.items():
+        if isinstance(value, bool):
+            value = int(value)
+        elif isinstance(value, Mapping) or value is None or (isinstance(value, list | tuple) and not _even(value)):
+            value = json.dumps(value)
+        found[str(name)] = value
+    return found
+
+
+def _even(values: list[Any] | tuple[Any, ...]) -> bool:
+    """Whether a list is one of texts or one of numbers, and not empty."""
+    texts = {isinstance(value, str) for value in values}
+    return len(texts) == 1 and all(isinstance(v, str | int | float) and not isinstance(v, bool) for v in values)
+
+
+def _band_names(paints: tuple[str, ...]) -> list[str]:
+    of_paints = [
+        f"{words} {_braceless(paint)}"
+        for paint in paints
+        for words in ("probability of", "fraction of", "fraction standard deviation of")
+    ]
+    return [*(words for _, words, _ in _SINGLE), *of_paints]
+
+
+def _write_bands(store: MapStore, path: Path, bands: int, told: Callable[[int, int], None] | None) -> None:
+    """Write the image of bands, band after band."""
+    dataset = open_map(store.path)
+    lines, samples = store.shape
+    all_windows = store.windows()
+    with path.open("wb") as file:
+        # Windows come row by row within bands: what is not written yet must be there to be skipped.
+        file.truncate(4 * bands * lines * samples)
+        for number, window in enumerate(all_windows, start=1):
+            values = np.ascontiguousarray(_bands(dataset, window, len(store.paints)), "<f4")
+            for band, plane in enumerate(values):
+                for line, row in enumerate(plane, start=window.y0):
+                    file.seek(4 * ((band * lines + line) * samples + window.x0))
+                    file.write(row.tobytes())
+            if told is not None:
+                told(number, len(all_windows))
+
+
+def _bands(dataset: "xarray.Dataset", window: Window, paints: int) -> Float[np.ndarray, "bands y x"]:
+    """Bands of a window."""
+    y, x = window.slices
+    part = {name: dataset[name][y, x].values for name in BY_NAME if name != "true_colour"}
+    mapped = part["status"] == Status.MAPPED
+    found: list[np.ndarray] = []
+    for name, _, factor in _SINGLE:
+        values = part[name].astype(np.float32) * np.float32(factor)
+        found.append(values if name in ("status", "way") else np.where(mapped, values, np.nan))
+    for paint in range(paints):
+        here = part["members"] == paint
+        for values in (part["fraction"], part["fraction_sd"]):
+            share = np.where(here, values, 0).sum(-1)
+            found.append(np.where(mapped, share, np.nan))
+        found.insert(-2, np.where(mapped, part["paint_probability"][..., paint], np.nan))
+    return np.stack(found).astype(np.float32)
+
+
+def _header(dataset: "xarray.Dataset", names: list[str]) -> str:
+    """The header of an ENVI image, with its place if the map knows it."""
+    fields: dict[str, object] = {
+        "description": f"{{ {_braceless(str(dataset.attrs.get('title', 'map of paints')))}, by glazejax }}",
+        "samples": dataset.sizes["x"],
+        "lines": dataset.sizes["y"],
+        "bands": len(names),
+        "header offset": 0,
+        "file type": "ENVI Standard",
+        "data type": 4,
+        "interleave": "bsq",
+        "byte order": 0,
+        "data ignore value": "nan",
+        "band names": "{ " + ", ".join(names) + " }",
+        **_place(dataset),
+    }
+    return "ENVI\n" + "".join(f"{title} = {value}\n" for title, value in fields.items())
+
+
+def _place(dataset: "xarray.Dataset") -> dict[str, str]:
+    """Where the image lies, from the map's coordinates, which follow windows and bins; nothing for bare pixels."""
+    x, y = dataset["x"], dataset["y"]
+    sizes = [float(each.attrs.get("pixel_size", 0)) for each in (x, y)]
+    unit = str(x.attrs.get("units", "pixel"))
+    info = [entry.strip() for entry in str(dataset.attrs.get("map_info", "")).split(",")]
+    turned = any(re.fullmatch(r"rotation\s*=\s*-?0*\.?0*", e, re.I) is None for e in info if "rotation" in e.lower())
+    if unit == "pixel" or not all(sizes):
+        return {}
+    if len(info) < 7 or turned:
+        return {"pixel size": f"{{ {sizes[0]!r}, {sizes[1]!r}, units={unit} }}"}
+    east, north = float(x[0]) - sizes[0] / 2, float(y[0]) + sizes[1] / 2
+    placed = [info[0], "1", "1", *(repr(value) for value in (east, north, *sizes)), *info[7:]]
+    place = {"map info": f"{{ {', '.join(placed)} }}"}
+    if "crs_wkt" in dataset.attrs:
+        place["coordinate system string"] = f"{{ {dataset.attrs['crs_wkt']} }}"
+    return place
+
+
+def _braceless(text: str) -> str:
+    """A text without what ends a name in an ENVI header."""
+    return re.sub(r"[{},\n]", " ", text).strip()
+
+
+@contextmanager
+def _whole(path: Path) -> Iterator[Path]:
+    """A name to write under; what was written takes its own once it is whole, and is taken away if it fails."""
+    part = path.with_name(f".{path.name}.part")
+    try:
+        yield part
+        part.replace(path)
+    except OSError as error:
+        if error.errno not in FULL:
+            raise
+        raise OSError(error.errno, "the disk is full; the map itself is kept, without this file", str(path)) from error
+    finally:
+        part.unlink(missing_ok=True)

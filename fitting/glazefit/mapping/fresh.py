@@ -1,0 +1,102 @@
+"""A map that has no window yet: its folder, arrays and attributes."""
+
+import math
+import os
+import warnings
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from .keyed import sync
+from .layout import PLACES, STATUS_WORDS, VARIABLES, Status, Variable, Way
+
+KIND, FORMAT = "glazejax map", 1
+"""What the attribute `glazejax` of a map says it is."""
+
+WORK = ".glazejax"
+"""Folder within a map that holds what a run needs to go on."""
+
+
+def plain(value: Any) -> Any:
+    """A value as JSON has it: paths as text, arrays and tuples as lists, what is not finite as text.
+
+    Raises:
+        TypeError: something that JSON has not.
+    """
+    if isinstance(value, Mapping):
+        return {str(name): plain(entry) for name, entry in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain(entry) for entry in value]
+    if isinstance(value, set | frozenset):
+        return sorted(plain(entry) for entry in value)
+    if isinstance(value, float) and not math.isfinite(value):
+        return str(value)
+    if isinstance(value, Path):
+        return str(value)
+    if value is None or isinstance(value, str | int | float):
+        return value
+    raise TypeError(f"{value!r} cannot be kept as an attribute")
+
+
+def lay_out(
+    path: Path,
+    shape: Sequence[int],
+    chunk: Sequence[int],
+    paints: Sequence[str],
+    options: Mapping[str, Any],
+    attrs: Mapping[str, Any],
+    coords: Mapping[str, tuple[np.ndarray, Mapping[str, Any]]],
+) -> None:
+    """Write an empty map into a new folder; see `store.MapStore.create`."""
+    import zarr
+    from zarr.codecs import BloscCodec
+
+    about = {"kind": KIND, "format": FORMAT, "shape": list(shape), "chunk": list(chunk)}
+    whole = {"Conventions": "CF-1.11", **attrs, "glazejax": about, "paints": list(paints), "options": options}
+    group = zarr.create_group(path, attributes=plain(whole))
+    sizes = {"paint": len(paints), "place": PLACES, "rgb": 3}
+    packed = BloscCodec(cname="zstd", clevel=1, shuffle="shuffle")
+    for variable in VARIABLES:
+        further = [sizes[dim] for dim in variable.further]
+        group.create_array(
+            variable.name,
+            shape=(*shape, *further),
+            chunks=(*chunk, *further),
+            dtype=variable.dtype,
+            fill_value=variable.fill if np.dtype(variable.dtype).kind == "f" else int(variable.fill),
+            compressors=packed,
+            dimension_names=["y", "x", *variable.further],
+            attributes=_words(variable),
+        )
+    for name, length in zip(("y", "x"), shape, strict=True):
+        values, told = coords.get(name, (np.arange(length) + 0.5, {"units": "pixel"}))
+        group.create_array(name, data=np.asarray(values), dimension_names=[name], attributes=plain(dict(told)))
+    names = group.create_array("paint", shape=len(paints), chunks=max(len(paints), 1), dtype=str,
+                               dimension_names=["paint"])  # fmt: skip
+    names[:] = np.array([*paints], dtype=object)
+    with warnings.catch_warnings():
+        # zarr warns that others may not know this list of arrays; without it readers complain of the marks' folder.
+        warnings.simplefilter("ignore")
+        zarr.consolidate_metadata(group.store)
+    (path / WORK / "done").mkdir(parents=True)
+    for folder, _, files in os.walk(path):
+        for file in files:
+            sync(Path(folder, file))
+    sync(path)
+
+
+def _words(variable: Variable) -> dict[str, Any]:
+    """Attributes of an array, by the conventions CF."""
+    told: dict[str, Any] = {"long_name": variable.words}
+    if variable.unit:
+        told["units"] = variable.unit
+    flags = {"status": Status, "way": Way}.get(variable.name)
+    if flags is not None:
+        words = [STATUS_WORDS[flag] if isinstance(flag, Status) else flag.name.lower() for flag in flags]
+        told["flag_values"] = [int(flag) for flag in flags]
+        told["flag_meanings"] = " ".join(word.replace(" ", "_") for word in words)
+    return told

@@ -1,0 +1,91 @@
+"""Results by key, each in a file that is there whole or not at all: what lets a killed run go on."""
+
+import errno
+import io
+import os
+import re
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+
+FULL = (errno.ENOSPC, errno.EDQUOT)
+"""What the system says when a disk, or a user's share of it, is full."""
+
+_KEY = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,150}")
+_PART = ".part"
+
+
+def write_whole(path: Path, content: bytes) -> None:
+    """Write a file so that, whatever happens meanwhile, it is there whole or not at all (or as it was before)."""
+    part = path.with_name(path.name + _PART)
+    try:
+        with part.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        part.replace(path)
+    except BaseException:
+        part.unlink(missing_ok=True)
+        raise
+    sync(path.parent)
+
+
+def sync(path: Path) -> None:
+    """Have a file or folder on the disk itself, as far as the system can, so that a loss of power leaves it."""
+    # Windows opens no folders, and some network drives refuse.
+    with suppress(OSError):
+        number = os.open(path, os.O_RDONLY)
+        try:
+            os.fsync(number)
+        finally:
+            os.close(number)
+
+
+class KeyedResults:
+    """A folder of results, dicts of arrays, one NPZ for each key.
+
+    Args:
+        folder: made if missing; what a killed run left half-written is taken away.
+    """
+
+    def __init__(self, folder: str | Path):
+        self.folder: Path = Path(folder)
+        self.folder.mkdir(parents=True, exist_ok=True)
+        for part in self.folder.glob(f"*{_PART}"):
+            part.unlink(missing_ok=True)
+
+    def done(self) -> set[str]:
+        """Keys of all results."""
+        return {path.name.removesuffix(".npz") for path in self.folder.glob("*.npz")}
+
+    def put(self, key: str, result: Mapping[str, np.ndarray]) -> None:
+        """Keep a result.
+
+        Raises:
+            ValueError: a key that cannot name a file, or an array of Python objects.
+            OSError: the disk is full; nothing is left of this result then.
+        """
+        if objects := [name for name, array in result.items() if np.asarray(array).dtype.hasobject]:
+            raise ValueError(f"{objects[0]!r} of the result {key!r} is an array of Python objects; keep numbers")
+        file = io.BytesIO()
+        np.savez(file, **result)
+        write_whole(self._path(key), file.getvalue())
+
+    def get(self, key: str) -> dict[str, np.ndarray]:
+        """The result of a key.
+
+        Raises:
+            KeyError: there is none.
+        """
+        try:
+            with np.load(self._path(key), allow_pickle=False) as kept:
+                return {name: kept[name] for name in kept.files}
+        except FileNotFoundError:
+            raise KeyError(key) from None
+
+    def _path(self, key: str) -> Path:
+        if not _KEY.fullmatch(key):
+            raise ValueError(f"the key {key!r} cannot name a file; use letters, digits, '_', '.' and '-'")
+        return self.folder / f"{key}.npz"

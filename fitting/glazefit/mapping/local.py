@@ -1,0 +1,319 @@
+"""What an identification says of spectra near the one that was searched: every candidate, linear about it.
+
+A search in full costs some milliseconds. Spectra that differ little from one that was searched have the same
+candidates; what changes is how well each meets the spectrum. With a film's readings linear in its log amounts, and its
+errors as they were, a candidate's most probable amounts move linearly with the spectrum and its evidence follows in
+closed form: Laplace's approximation about a point that moves (`glazefit.identify.fit`).
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Float, Int
+from scipy.special import logsumexp
+
+from ..film.errors import Discrepancy
+from ..identify.fit import prior_terms
+from ..identify.own_errors import (
+    Films,
+    Groups,
+    excused,
+    independent,
+    near_errors,
+    own_errors,
+    slopes_at,
+    weighed,
+)
+from ..identify.result import NOBODY, Pool
+from ..identify.search import Lever
+from ..identify.searcher import Searcher
+from ..identify.task import IdentificationTask, Measured
+from ..identify.two_coats import stack_slopes
+from ..identify.untold import AsIf, as_if
+from ..identify.weigh import Odds, misfits
+from .colour_metric import colour_metric
+
+# Candidates of a representative that are kept: those with this share of the best explanations, and so many at most.
+_LEAST, _MOST = 3e-4, 16
+_terms = jax.jit(jax.vmap(prior_terms, in_axes=(0, 0, None, None)))
+
+
+@dataclass(frozen=True)
+class Local:
+    """Candidates of representative spectra in one row, and how they move with the spectrum; single precision.
+
+    Attributes:
+        row: representative of each candidate, ascending.
+        members, coats, condition: as in `glazefit.Identification`.
+        opaque: whether the film hides its ground as it was sought.
+        log_weight: at the representative.
+        amounts: log amounts that are shown, m; -inf for no paint.
+        amounts_by: their slopes by the readings.
+        covariance: of the log amounts.
+        off: whitened residual of the fit that is weighed.
+        off_by: its slopes by the readings.
+        logs_by: slopes of the log amounts that are weighed.
+        gradient, hessian: of minus the log prior in these.
+        ratios: eigenvalues of the data's part of the posterior's Hessian relative to the prior's.
+        numbers: Student's degrees of freedom (0 for Gaussian errors), readings that count as independent, the power of
+            the likelihood.
+        seen, seen_by: Delta E00 to the fit as a vector of some coordinates, and its slopes.
+        left, left_by: the same with errors of the paints allowed for.
+        shape: root mean square of that residual, noise aside.
+        fitted, fitted_by: readings of the fit that is shown, and their slopes.
+    """
+
+    row: Int[np.ndarray, "n"]
+    members: Int[np.ndarray, "n 3"]
+    coats: Int[np.ndarray, "n 3"]
+    condition: Int[np.ndarray, "n"]
+    opaque: np.ndarray
+    log_weight: Float[np.ndarray, "n"]
+    amounts: Float[np.ndarray, "n 3"]
+    amounts_by: Float[np.ndarray, "n 3 bands"]
+    covariance: Float[np.ndarray, "n 3 3"]
+    off: Float[np.ndarray, "n bands"]
+    off_by: Float[np.ndarray, "n bands bands"]
+    logs_by: Float[np.ndarray, "n 3 bands"]
+    gradient: Float[np.ndarray, "n 3"]
+    hessian: Float[np.ndarray, "n 3 3"]
+    ratios: Float[np.ndarray, "n 3"]
+    numbers: Float[np.ndarray, "n 3"]
+    seen: Float[np.ndarray, "n colours"]
+    seen_by: Float[np.ndarray, "n colours bands"]
+    left: Float[np.ndarray, "n colours"]
+    left_by: Float[np.ndarray, "n colours bands"]
+    shape: Float[np.ndarray, "n"]
+    fitted: Float[np.ndarray, "n bands"]
+    fitted_by: Float[np.ndarray, "n bands bands"]
+
+    def take(self, rows: np.ndarray | slice) -> "Local":
+        """Some of the candidates."""
+        return Local(*(getattr(self, f.name)[rows] for f in fields(self)))
+
+    @classmethod
+    def joined(cls, parts: "list[Local]") -> "Local":
+        """Candidates of further representatives; their rows count on."""
+        columns = [np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)]
+        return cls(*columns)
+
+
+@dataclass(frozen=True)
+class Searched:
+    """Representatives that were searched, and their candidates.
+
+    Attributes:
+        readings: (representatives, bands).
+        blur: Delta E00 that noise alone makes.
+        rest: share of the candidates' odds that those left out have,
+        rest_paints: and how probable each paint is among these.
+        local: the candidates that are kept.
+    """
+
+    readings: Float[np.ndarray, "representatives bands"]
+    blur: Float[np.ndarray, "representatives"]
+    rest: Float[np.ndarray, "representatives"]
+    rest_paints: Float[np.ndarray, "representatives paints"]
+    local: Local
+
+    @classmethod
+    def joined(cls, parts: Sequence["Searched"]) -> "Searched":
+        """Further representatives, in order."""
+        first = np.cumsum([0, *(len(part.blur) for part in parts)])
+        local = [replace(part.local, row=part.local.row + n) for part, n in zip(parts, first, strict=False)]
+        columns = ([getattr(part, f.name) for part in parts] for f in fields(cls)[:-1])
+        return cls(*(np.concatenate(column) for column in columns), Local.joined(local))
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All arrays by name, to be kept in a file."""
+        own = {f.name: getattr(self, f.name) for f in fields(self)[:-1]}
+        return own | {f"local_{f.name}": getattr(self.local, f.name) for f in fields(Local)}
+
+    @classmethod
+    def from_arrays(cls, kept: Mapping[str, np.ndarray]) -> "Searched":
+        """From what `arrays` gave."""
+        local = Local(*(kept[f"local_{f.name}"] for f in fields(Local)))
+        return cls(*(kept[f.name] for f in fields(cls)[:-1]), local)
+
+
+def searched(
+    searcher: Searcher, readings: Float[np.ndarray, "spectra bands"], noise_sd: np.ndarray, ground: np.ndarray | None
+) -> Searched:
+    """Search spectra in full, and make what is found linear about each.
+
+    Args:
+        searcher: of the paints.
+        readings: of the spectra.
+        noise_sd: of their readings, the same shape.
+        ground: internal reflectance, (bands,); None where films hide it.
+    """
+    measured = as_measured(searcher, readings, noise_sd, ground)
+    return Searched.joined([_local_models(searcher, *found) for found in searcher.search(measured)])
+
+
+def as_measured(
+    searcher: Searcher, readings: Float[np.ndarray, "spectra bands"], noise_sd: np.ndarray, ground: np.ndarray | None
+) -> Measured:
+    """Spectra as the search takes them, with noise that is known from the whole image: one spectrum tells it badly."""
+    measured = searcher.check(np.maximum(readings, 0.0), ground)
+    return replace(measured, noise_sd=np.asarray(noise_sd, float)[:, None])
+
+
+def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds) -> Searched:
+    """Candidates that matter of spectra over one ground, linear about each spectrum."""
+    share = odds.candidates / odds.candidates.sum(axis=1, keepdims=True)
+    rank = np.argsort(np.argsort(-share, axis=1, kind="stable"), axis=1, kind="stable")
+    kept = (share > _LEAST) & (rank < _MOST)
+    row, place = np.nonzero(kept)
+    present = (pool.members[..., None] == np.arange(len(searcher.paints))).any(axis=2)
+    left_out = np.where(kept, 0.0, share)
+    rest = left_out.sum(axis=1)
+    rest_paints = np.einsum("sc,scp->sp", left_out, present) / np.maximum(rest, 1e-12)[:, None]
+    log_share = np.where(np.isfinite(pool.log_weight), pool.log_weight, -np.inf)
+    off = misfits(measured, pool, np.exp(log_share - np.asarray(logsumexp(log_share, axis=1))[:, None]))
+    metric = colour_metric(measured.wavelengths, measured.readings[:, 0])[row]
+    parts: dict[str, np.ndarray] = {}
+    condition, stacked = pool.condition[row, place], pool.coats[row, place].any(axis=-1)
+    size = max(searcher.task.max_paints, 2)
+    for number in np.unique(condition):
+        seen = as_if(int(number), searcher.tasks, searcher.opaque, measured)
+        for stack in (False, True):
+            here = np.flatnonzero((condition == number) & (stacked == stack))
+            if here.size:
+                for name, values in _linear(seen, pool, row[here], place[here], size, stack).items():
+                    room = np.zeros((len(row), *values.shape[1:]), values.dtype)
+                    parts.setdefault(name, room)[here] = values
+    at = row, place
+    read, eye = measured.readings[row, 0], np.eye(measured.wavelengths.size)
+    left_by = metric @ (eye - parts.pop("left_by"))
+    local = {
+        **parts,
+        "row": row,
+        "members": pool.members[at],
+        "coats": pool.coats[at],
+        "condition": condition,
+        "log_weight": pool.log_weight[at],
+        "amounts": np.where(pool.members[at] == NOBODY, -np.inf, pool.logs[at]),
+        "covariance": pool.covariance[at],
+        "seen": _of_length(np.einsum("ncb,nb->nc", metric, read - pool.readings[at]), off.seen[at]),
+        "seen_by": metric @ (eye - parts["fitted_by"]),
+        "left": _of_length(np.einsum("ncb,nb->nc", metric, read - pool.allowed[at]), off.left[at]),
+        "left_by": left_by,
+        "shape": off.shape[at],
+        "fitted": pool.readings[at],
+    }
+    candidates = Local(*(_single(local[f.name]) for f in fields(Local)))
+    return Searched(*(_single(a) for a in (measured.readings[:, 0], off.blur, rest, rest_paints)), candidates)
+
+
+def _single(values: np.ndarray) -> np.ndarray:
+    return values.astype(np.float32) if values.dtype.kind == "f" else values
+
+
+def _of_length(vectors: Float[np.ndarray, "n c"], lengths: Float[np.ndarray, "n"]) -> Float[np.ndarray, "n c"]:
+    """Vectors as long as they should be; those of candidates that were not looked at stay as they are."""
+    own = np.linalg.norm(vectors, axis=-1)
+    known = np.isfinite(lengths) & (own > 1e-12)
+    return vectors * np.where(known, np.where(known, lengths, 1.0) / np.maximum(own, 1e-12), 1.0)[:, None]
+
+
+def _linear(
+    seen: AsIf, pool: Pool, row: Int[np.ndarray, "n"], place: Int[np.ndarray, "n"], size: int, stack: bool
+) -> dict[str, np.ndarray]:
+    """How candidates under one condition move with the readings that were measured."""
+    task, some = seen.task, seen.measured
+    sets = pool.members[row, place][:, :size]
+    logs = np.where(sets == NOBODY, 0.0, pool.logs[row, place][:, :size] - np.log(task.prior.thickness))
+    readings = pool.readings[row, place]
+    known = pool.covariance[row, place][:, :size, :size], pool.log_weight[row, place]
+    films = Films(row, place, sets, logs, *known, readings)
+    near = _stack_slopes(task, some, pool, films) if stack else slopes_at(task, some, films)
+    if stack:
+        errors = own_errors(task, some, row, sets, near)
+        groups = Groups(np.arange(len(row)), row, sets, near)
+        own, weighed_films = near, films
+    else:
+        weighed_films, groups, errors = weighed(task, some, films, near, task.effort.own)
+        own = slopes_at(task, some, weighed_films)
+    white = errors.basis[groups.of, 0]
+    by = (own[:, :size] + own[:, size:]) * (sets != NOBODY)[..., None]
+    gradient, prior = _terms(
+        jnp.asarray(weighed_films.logs), jnp.asarray(sets != NOBODY), task.prior.spread, task.prior.concentration
+    )
+    gradient, prior = np.asarray(gradient), np.asarray(prior)
+    levers = np.einsum("nib,nmb->nmi", white, by)  # whitened slopes
+    data = levers @ np.swapaxes(levers, 1, 2)
+    gain = np.linalg.solve(data + prior, levers @ white)
+    moved = np.einsum("nmi,nmb->nib", levers, gain)
+    target = task.target(some.readings)[row]
+    # The readings of a stack's fit that was shown have the surface with them; nothing else was fitted.
+    residual = target - (readings - _surface(seen, pool, row, place) if stack else weighed_films.readings)
+    root = np.linalg.inv(np.linalg.cholesky(prior))
+    ratios = np.maximum(np.linalg.eigvalsh(root @ data @ np.swapaxes(root, 1, 2)), 0.0)
+    if stack:
+        shown = gain
+    else:
+        close = near_errors(task, some).basis[row, 0]
+        by_near = (near[:, :size] + near[:, size:]) * (sets != NOBODY)[..., None]
+        _, held = _terms(jnp.asarray(logs), jnp.asarray(sets != NOBODY), task.prior.spread, task.prior.concentration)
+        steep = np.einsum("nib,nmb->nmi", close, by_near)
+        shown = np.linalg.solve(steep @ np.swapaxes(steep, 1, 2) + np.asarray(held), steep @ close)
+        by = by_near
+    eye, lever = np.eye(readings.shape[1]), Lever.of(task, some)
+    body = np.einsum("nma,nmb->nab", by, shown)
+    missed = eye - body
+    surface = (np.swapaxes(lever.shapes, 1, 2) @ lever.found)[row]
+    free = excused(task, some, groups)[groups.of]
+    slope = seen.slope.reshape(len(some), -1)[row]
+    d = task.discrepancy
+    numbers = (d.freedom or 0.0, min(independent(task), readings.shape[1]), d.trust)
+    unseen = slope[:, :, None]
+    return {
+        "opaque": np.full(len(row), seen.opaque),
+        "amounts_by": _wide(shown * slope[:, None, :], 1),
+        "off": np.einsum("nib,nb->ni", white, residual),
+        "off_by": (white - moved) * slope[:, None, :],
+        "logs_by": _wide(gain * slope[:, None, :], 1),
+        "gradient": _wide(gradient, 1),
+        "hessian": _wide(prior, 1, 2),
+        "ratios": _wide(ratios, 1),
+        "numbers": np.broadcast_to(numbers, (len(row), 3)),
+        "fitted_by": (body + surface @ missed) * slope[:, None, :] / unseen,
+        "left_by": (body + free @ missed) * slope[:, None, :] / unseen,
+    }
+
+
+def _wide(values: np.ndarray, *axes: int) -> np.ndarray:
+    """With room for three paints along some axes."""
+    room = [(0, 3 - values.shape[axis]) if axis in axes else (0, 0) for axis in range(values.ndim)]
+    return np.pad(values, room)
+
+
+def _surface(seen: AsIf, pool: Pool, row: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """What was added to the readings of stacks for the surface and what else is in doubt."""
+    return pool.gloss[row, place][:, None] * seen.task.surface
+
+
+def _stack_slopes(
+    task: IdentificationTask, some: Measured, pool: Pool, films: Films
+) -> Float[np.ndarray, "films errors readings"]:
+    """Slopes of stacks' readings by the log of every paint's k, then s."""
+    coats = pool.coats[films.row, films.place][:, : films.sets.shape[1]]
+    logs = np.where(films.sets == NOBODY, -np.inf, films.logs)
+    given = (films.sets[:, None], coats[:, None], logs[:, None], some.grounds[films.row])
+    return np.asarray(stack_slopes(task.paints, *(jnp.asarray(a) for a in given), task.optics))[:, 0]
+
+
+def check_errors(discrepancy: Discrepancy) -> None:
+    """Refuse errors of several scales: near a representative one Gaussian follows the spectrum.
+
+    Raises:
+        ValueError: there are several.
+    """
+    if len(discrepancy.scales) > 1:
+        raise ValueError(
+            f"a map takes a discrepancy of one scale; this one has {len(discrepancy.scales)}: {discrepancy.scales}"
+        )

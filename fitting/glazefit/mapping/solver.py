@@ -1,0 +1,197 @@
+"""From a window of an image to its maps."""
+
+import functools
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ..film.films import Noise
+from ..identify.result import NOBODY
+from ..identify.searcher import Searcher
+from .atlas import Atlas
+from .chunk import ChunkMaps, SetSum
+from .layout import BY_NAME, STATUS_WORDS, Status, Way
+from .local import searched
+from .survey import spread_out
+from .update import Answers
+from .windows import Window
+from .working import WorkingBands, classify
+
+if TYPE_CHECKING:
+    import xarray
+
+    from glazejax.io import CubeSource
+
+# Spectra of a window that are searched because no representative is near, at most.
+_OWN = 64
+# Values read at a time.
+_VALUES = 2**24
+
+
+@dataclass(frozen=True)
+class Image:
+    """An image and how its spectra are worked with; can be sent to other processes.
+
+    Attributes:
+        source: opens the image, or is it.
+        bands: that are worked with.
+        noise: of one reading of the image.
+        mask: pixels that are used; None for all.
+        saturated: reading from which the detector was full, if that is told.
+    """
+
+    source: "CubeSource | xarray.DataArray"
+    bands: WorkingBands
+    noise: Noise
+    mask: Bool[np.ndarray, "y x"] | None
+    saturated: float | None
+
+    def cube(self) -> "xarray.DataArray":
+        """The lazy image."""
+        from glazejax.io import CubeSource
+
+        return _opened(self.source) if isinstance(self.source, CubeSource) else self.source
+
+    def read(self, window: Window) -> tuple[Float[np.ndarray, "pixels bands"], np.ndarray]:
+        """Readings at the working bands, and what can be done with each pixel, row by row."""
+        cube = self.cube()
+        readings = []
+        height = max(1, _VALUES // (cube.shape[2] * window.shape[1]))
+        for y in range(window.y0, window.y1, height):
+            block = cube[y : min(y + height, window.y1), window.x0 : window.x1].to_numpy()
+            readings.append(self.bands.means(block.reshape(-1, block.shape[-1]), self.saturated))
+        both = np.concatenate(readings)
+        use = None if self.mask is None else self.mask[window.slices].ravel()
+        with np.errstate(invalid="ignore"):
+            return both, classify(both, self.noise_sd(both), use)
+
+    def noise_sd(self, readings: Float[np.ndarray, "*n bands"]) -> Float[np.ndarray, "*n bands"]:
+        """Standard deviation of the noise of readings at the working bands."""
+        return self.bands.noise_sd(readings, self.noise)
+
+
+@functools.lru_cache(maxsize=4)
+def _opened(source: "CubeSource") -> "xarray.DataArray":
+    """Once for each process."""
+    return source.open()
+
+
+@dataclass(frozen=True)
+class PixelSolver:
+    """Maps of windows: pixels near a representative in closed form, others by searches of the window's own.
+
+    Attributes:
+        image: that is mapped.
+        searcher: of the paints.
+        ground: internal reflectance at the working bands; None where films hide it.
+        atlas: of the representatives.
+        reach: how far from a representative its answer is taken.
+    """
+
+    image: Image
+    searcher: Searcher
+    ground: Float[np.ndarray, "bands"] | None
+    atlas: Atlas
+    reach: float
+
+    def solve(self, window: Window) -> ChunkMaps:
+        """Maps of a window, from it alone."""
+        readings, status = self.image.read(window)
+        good = np.flatnonzero(status == Status.MAPPED)
+        seen = np.maximum(readings[good], 0.0)
+        found, way = self._answers(seen)
+        arrays = self._arrays(window, readings, status, good, seen, found, way)
+        tallies: dict[str, float] = {words: float(np.sum(status == s)) for s, words in STATUS_WORDS.items()}
+        tallies |= {f"way {w.name.lower()}": float(np.sum(way == w)) for w in Way if w}
+        tallies["explained"] = float(found.explained.sum())
+        return ChunkMaps(arrays, tallies, _sums(found, seen))
+
+    def _answers(self, seen: Float[np.ndarray, "spectra bands"]) -> tuple[Answers, np.ndarray]:
+        """Answers for good pixels, and the way of each."""
+        found, apart = self.atlas.answers(seen)
+        way = np.full(len(seen), int(Way.UPDATED), np.uint8)
+        far = np.flatnonzero(apart > self.reach)
+        if far.size:
+            features = self.atlas.features(seen[far])
+            chosen, _ = spread_out(features, _OWN, self.reach)
+            middles = seen[far[chosen]]
+            own = Atlas.of(
+                self.atlas.features,
+                searched(self.searcher, middles, self.image.noise_sd(middles), self.ground),
+                self.atlas.prior,
+            )
+            more, distance = own.answers(seen[far])
+            better = distance < apart[far]
+            found.put(far[better], more.take(better))
+            way[far[better]] = int(Way.NEIGHBOUR)
+            way[far[chosen]] = int(Way.SEARCHED)
+        return found, way
+
+    def _arrays(
+        self,
+        window: Window,
+        readings: np.ndarray,
+        status: np.ndarray,
+        good: np.ndarray,
+        seen: np.ndarray,
+        found: Answers,
+        way: np.ndarray,
+    ) -> dict[str, np.ndarray]:
+        """Arrays by the names of `layout.VARIABLES`."""
+        log_fraction_sd, log_thickness_sd = found.spread()
+        fractions, there = found.fractions, found.members != NOBODY
+        thickness = np.where(found.opaque, np.nan, np.exp(found.amounts).sum(axis=1))
+        parts = {
+            "members": found.members,
+            "coats": found.coats,
+            "condition": found.condition,
+            "probability": found.probability,
+            "none": found.none,
+            "explained": found.explained,
+            "paint_probability": found.paint_probability,
+            "fraction": np.where(there, fractions, np.nan),
+            "fraction_sd": np.where(there, np.minimum(fractions * log_fraction_sd, 0.3), np.nan),
+            "thickness": thickness,
+            "thickness_sd": thickness * log_thickness_sd,
+            "misfit": found.misfit,
+            "rmse": np.sqrt(np.mean((seen - found.fitted) ** 2, axis=1)),
+            "way": way,
+        }
+        seen_as = true_colour(self.image.bands.wavelengths, readings)
+        arrays = {"status": status.reshape(window.shape), "true_colour": seen_as.reshape(*window.shape, 3)}
+        for name, values in parts.items():
+            variable = BY_NAME[name]
+            whole = np.full((window.pixels, *values.shape[1:]), variable.fill, variable.dtype)
+            whole[good] = values
+            arrays[name] = whole.reshape(*window.shape, *values.shape[1:])
+        return arrays
+
+
+def _sums(found: Answers, seen: Float[np.ndarray, "spectra bands"]) -> dict[tuple[int, ...], SetSum]:
+    """Sums over the pixels of each first set; those that nothing explains are the empty set."""
+    members = np.sort(np.where(found.explained[:, None], found.members, NOBODY), axis=1)
+    sets, which = np.unique(members, axis=0, return_inverse=True)
+    which = which.ravel()
+    order = np.argsort(which, kind="stable")
+    out = {}
+    for number, rows in enumerate(np.split(order, np.cumsum(np.bincount(which, minlength=len(sets)))[:-1])):
+        own, fitted = seen[rows].astype(np.float64), found.fitted[rows].astype(np.float64)
+        thickness = np.exp(found.amounts[rows]).sum(axis=1)[~found.opaque[rows]].astype(np.float64)
+        key = tuple(int(m) for m in sets[number] if m != NOBODY)
+        total = float(thickness.sum()), len(thickness)
+        out[key] = SetSum(len(rows), own.sum(axis=0), fitted.sum(axis=0), (own**2).sum(axis=0), total)
+    return out
+
+
+def true_colour(wavelengths: Float[np.ndarray, "bands"], readings: Float[np.ndarray, "pixels bands"]) -> np.ndarray:
+    """sRGB from 0 to 255 under D65, (pixels, 3); grey where the bands give no colour."""
+    from glazejax.colour import srgb
+
+    known = np.clip(np.nan_to_num(readings, nan=0.0, posinf=1.0, neginf=0.0), 0.0, 2.0)
+    try:
+        encoded = np.asarray(srgb(wavelengths, known))
+    except ValueError:
+        encoded = np.repeat(np.sqrt(known.mean(axis=1, keepdims=True)), 3, axis=1)
+    return np.rint(255.0 * np.clip(encoded, 0.0, 1.0)).astype(np.uint8)

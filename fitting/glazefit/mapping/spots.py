@@ -1,0 +1,69 @@
+"""A paint from its own spectrum in an image: what one spectrum says of k and s, and what it leaves open."""
+
+from collections.abc import Sequence
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import ArrayLike, Float
+
+from glazejax import Pigment
+from glazejax.geometry import Instrument
+
+from ..film.response import film_response
+
+# k/s between which a hiding film's is sought.
+_LEAST, _MOST = 1e-5, 1e3
+# Optical thickness s d that hides any ground.
+_HIDING = 500.0
+# Relative standard deviations: of s, which a hiding film does not tell, and of k beside it.
+_OPEN, _TOLD = 0.5, 0.05
+
+
+def spot_pigment(
+    name: str,
+    wavelengths: Float[np.ndarray, "bands"],
+    spectrum: ArrayLike,
+    pigments: Sequence[Pigment],
+    instrument: Instrument,
+) -> Pigment:
+    """A paint whose thick, hiding film reads a spectrum.
+
+    The spectrum fixes k/s at every wavelength. How strongly the paint scatters it does not tell: s is the median of the
+    catalogue's, the same at all wavelengths, and stands with a standard deviation of half of it.
+
+    Args:
+        name: of the paint.
+        wavelengths: (bands,), nm.
+        spectrum: reflectance as fractions, (bands,).
+        pigments: of the catalogue.
+        instrument: that read the spectrum.
+
+    Raises:
+        ValueError: a spectrum of another length, or readings that no hiding film has.
+    """
+    read = np.asarray(spectrum, float)
+    if read.shape != wavelengths.shape:
+        raise ValueError(f"the spot {name!r} has {read.size} readings, the image {wavelengths.size} bands")
+    body = read - instrument.seen_surface
+    if not (np.isfinite(body).all() and (body > -0.02).all() and (read < 1.2).all()):
+        wrong = read[~(np.isfinite(body) & (body > -0.02) & (read < 1.2))][0]
+        raise ValueError(
+            f"the spot {name!r} reads {wrong:g}; a hiding paint reads from {instrument.seen_surface:.3f} (its surface) "
+            "to 1.2: is the spot in focus, and the image calibrated?"
+        )
+    response = film_response(instrument.geometry, instrument.refractive_index)
+    ratios = np.geomspace(_LEAST, _MOST, 400)
+    films = np.asarray(response.body(jnp.asarray(ratios * _HIDING), jnp.full(400, _HIDING), jnp.asarray(0.5)))
+    # Brighter films have less k/s.
+    ratio = np.exp(np.interp(body, films[::-1], np.log(ratios)[::-1]))
+    scattering = float(np.median([np.median(np.asarray(p.scattering)) for p in pigments])) if pigments else 1e5
+    s = np.full(wavelengths.shape, scattering)
+    return Pigment(
+        name,
+        wavelengths,
+        ratio * s,
+        s,
+        absorption_sd=ratio * s * np.hypot(_OPEN, _TOLD),
+        scattering_sd=_OPEN * s,
+        provenance="spectrum of a spot in the image, taken as thick paint",
+    )

@@ -1,0 +1,324 @@
+"""The store of a map: a zarr 3 folder that fills window by window, and goes on after a kill where it stopped.
+
+A window's arrays are written first, then its mark, a file in the folder ``.glazejax``. What has no mark counts as not
+there: `open_map` shows fill values in its place, and a run that goes on does it again.
+"""
+
+import json
+import shutil
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from glazejax.extras import require
+
+from .chunk import ChunkMaps, Members, SetSum, add_sets, add_tallies, pack, unpack
+from .fresh import FORMAT, KIND, WORK, lay_out, plain
+from .keyed import FULL, KeyedResults, sync, write_whole
+from .layout import BY_NAME, PLACES, VARIABLES
+from .windows import Window, windows
+
+if TYPE_CHECKING:
+    import xarray
+    import zarr
+
+
+class MapStore:
+    """A map on disk; make or open it with `create` or `open`.
+
+    Attributes:
+        path: its folder.
+        shape: rows and columns of the image.
+        chunk: rows and columns of a window.
+        paints: names of the paints, in the order of their numbers.
+        options: what the map depends on, as plain JSON.
+        work: where a run keeps what it found before the windows.
+    """
+
+    def __init__(self, path: str | Path):
+        require("zarr")
+        self.path = Path(path)
+        attrs = _attributes(self.path)
+        if attrs is None:
+            raise ValueError(f"{self.path} is no map of glazejax; name the folder that `glazejax map` wrote with --out")
+        told = attrs["glazejax"]
+        if told["format"] != FORMAT:
+            raise ValueError(f"{self.path} is a map of format {told['format']}, written by another glazejax; "
+                             f"this one reads format {FORMAT}")  # fmt: skip
+        self.shape: tuple[int, int] = (told["shape"][0], told["shape"][1])
+        self.chunk: tuple[int, int] = (told["chunk"][0], told["chunk"][1])
+        self.paints: tuple[str, ...] = tuple(attrs["paints"])
+        self.options: dict[str, Any] = attrs["options"]
+        self._group: zarr.Group | None = None
+        self._held = False
+
+    @classmethod
+    def create(
+        cls,
+        path: str | Path,
+        shape: Sequence[int],
+        chunk: Sequence[int],
+        paints: Sequence[str],
+        *,
+        options: Mapping[str, Any],
+        attrs: Mapping[str, Any] | None = None,
+        coords: Mapping[str, tuple[np.ndarray, Mapping[str, Any]]] | None = None,
+        overwrite: bool = False,
+    ) -> "MapStore":
+        """A new map, or the one that is there if it was begun with the same options.
+
+        Args:
+            path: folder; its parent must exist.
+            shape: rows and columns of the image.
+            chunk: rows and columns of a window.
+            paints: names of the paints, different ones.
+            options: all that the map depends on; a map that is there goes on if its own are the same.
+            attrs: what else is to be known of the map.
+            coords: numbers along ``y`` and ``x`` and their attributes; pixel centres if left out.
+            overwrite: replace a map that is there.
+
+        Raises:
+            ValueError: the map that is there was begun with other options.
+            FileExistsError: what is there is no map of glazejax.
+            FileNotFoundError: the parent folder does not exist.
+            OSError: the disk is full.
+        """
+        require("zarr")
+        path = Path(path)
+        whole = {**options, "shape": list(shape), "paints": list(paints)}
+        wanted = plain(whole)
+        check_map(path, overwrite=overwrite)
+        if path.exists() and any(path.iterdir()) and not overwrite:
+            there = cls(path)
+            if told := _differences(there.options, wanted):
+                raise ValueError(f"{path} was begun with other options ({told}); name another map, or replace it with "
+                                 "overwrite=True (--overwrite)")  # fmt: skip
+            return there
+        new, old = (path.with_name(f".{path.name}.{word}") for word in ("new", "old"))
+        for left in (new, old):
+            shutil.rmtree(left, ignore_errors=True)
+        with _room(path, lambda: "nothing of the map was begun"):
+            try:
+                lay_out(new, shape, chunk, paints, wanted, attrs or {}, coords or {})
+                if path.exists():
+                    path.replace(old)
+                new.replace(path)
+            except BaseException:
+                shutil.rmtree(new, ignore_errors=True)
+                raise
+        shutil.rmtree(old, ignore_errors=True)
+        return cls(path)
+
+    @classmethod
+    def open(cls, path: str | Path) -> "MapStore":
+        """The map in a folder.
+
+        Raises:
+            ValueError: there is none.
+        """
+        return cls(path)
+
+    @property
+    def work(self) -> KeyedResults:
+        """Results that a run keeps before and between windows."""
+        return KeyedResults(self.path / WORK / "work")
+
+    def windows(self) -> list[Window]:
+        """All windows, row by row."""
+        return windows(self.shape, self.chunk)
+
+    def done(self) -> set[Window]:
+        """The windows that are finished."""
+        there = {path.name.removesuffix(".npz") for path in self._marks.glob("*.npz")}
+        return {window for window in self.windows() if window.key in there}
+
+    def put(self, window: Window, maps: ChunkMaps) -> None:
+        """Write a window, then its mark.
+
+        Raises:
+            ValueError: no window of this map, or arrays that do not fit it.
+            OSError: the disk is full; other windows are kept.
+        """
+        if window != Window.at(window.y0, window.x0, self.shape, self.chunk):
+            raise ValueError(
+                f"{window} is no window of {self.path}, whose windows are {self.chunk[0]} x {self.chunk[1]}"
+            )
+        sizes = {"paint": len(self.paints), "place": PLACES, "rgb": 3}
+        for name, array in maps.arrays.items():
+            variable = BY_NAME.get(name)
+            if variable is None:
+                raise ValueError(f"a map has no array {name!r}; it has {', '.join(BY_NAME)}")
+            expected = (*window.shape, *(sizes[dim] for dim in variable.further))
+            if array.shape != expected:
+                raise ValueError(f"{name} of window {window.key} has shape {array.shape}; it must be {expected}")
+        group = self._writable()
+        with _room(self.path, lambda: f"{len(self.done())} of {len(self.windows())} windows are finished and kept: "
+                                      "make room, then run the same again and it goes on"):  # fmt: skip
+            for variable in VARIABLES:
+                given = maps.arrays.get(variable.name)
+                fill = np.asarray(variable.fill).astype(variable.dtype)
+                rows, columns = window.slices
+                group[variable.name][rows, columns] = fill if given is None else given.astype(variable.dtype)
+            for file in self._files(window):
+                sync(file)
+            self._marks.mkdir(parents=True, exist_ok=True)
+            write_whole(self._marks / f"{window.key}.npz", pack(maps.tallies, maps.sets))
+
+    def sums(self) -> tuple[dict[str, float], dict[Members, SetSum]]:
+        """Counts and sums of sets over all finished windows, in the order of the windows whatever their order of work.
+
+        Raises:
+            ValueError: a mark cannot be read.
+        """
+        tallies: dict[str, float] = {}
+        sets: dict[Members, SetSum] = {}
+        for window in sorted(self.done()):
+            more, further = unpack((self._marks / f"{window.key}.npz").read_bytes())
+            add_tallies(tallies, more)
+            add_sets(sets, further)
+        return tallies, sets
+
+    def note(self, **attrs: Any) -> None:
+        """Add attributes to the map, such as what a check of it found."""
+        with _room(self.path, lambda: "all finished windows are kept"):
+            self._writable().update_attributes(plain(attrs))
+
+    @contextmanager
+    def writing(self) -> Iterator[None]:
+        """Hold the map, so that no second run writes it; take away what a killed run left half-written.
+
+        Raises:
+            ValueError: another run holds it.
+        """
+        if self._held:
+            yield
+            return
+        work = self.path / WORK
+        work.mkdir(exist_ok=True)
+        with (work / "lock").open("w") as file:
+            if not _locked(file.fileno()):
+                raise ValueError(f"another run is writing {self.path}; wait for it, or name another map")
+            for left in (*self.path.rglob("*.partial"), *work.rglob("*.part")):
+                left.unlink(missing_ok=True)
+            self._held = True
+            try:
+                yield
+            finally:
+                self._held = False
+
+    @property
+    def _marks(self) -> Path:
+        return self.path / WORK / "done"
+
+    def _writable(self) -> "zarr.Group":
+        import zarr
+
+        if self._group is None:
+            self._group = zarr.open_group(self.path, mode="r+")
+        return self._group
+
+    def _files(self, window: Window) -> Iterator[Path]:
+        """Files of a window's arrays; an array that is all fill has none."""
+        row, column = window.y0 // self.chunk[0], window.x0 // self.chunk[1]
+        for variable in VARIABLES:
+            yield self.path / variable.name / "c" / f"{row}" / "/".join([f"{column}", *("0" for _ in variable.further)])
+
+
+def open_map(path: str | Path) -> "xarray.Dataset":
+    """A map that `map_cube` or `glazejax map` wrote, finished or not.
+
+    Nothing is read before it is asked for. Windows that are not finished have status 0 and fill values.
+
+    Args:
+        path: folder of the map.
+
+    Returns:
+        Arrays by the names of `glazefit.mapping.layout.VARIABLES`, with coordinates y, x and paint; how the map was
+        made stands in the attributes.
+
+    Raises:
+        ValueError: there is no map of glazejax.
+        ModuleNotFoundError: xarray or zarr is not installed.
+    """
+    require("xarray", "zarr")
+    import xarray
+    import zarr
+
+    from .unmarked import hide_unmarked
+
+    store = MapStore.open(path)
+    done = {(window.y0 // store.chunk[0], window.x0 // store.chunk[1]) for window in store.done()}
+    files = zarr.storage.LocalStore(store.path, read_only=True)
+    shown = files if len(done) == len(store.windows()) else hide_unmarked(files, done)
+    return xarray.open_zarr(shown, consolidated=True, chunks=None)
+
+
+def check_map(path: str | Path, *, overwrite: bool = False) -> bool:
+    """Whether a map can be made at a path, or goes on there: asked before anything is computed.
+
+    Returns:
+        Whether a map is there.
+
+    Raises:
+        FileExistsError: what is there is no map of glazejax, which is never replaced.
+        FileNotFoundError: the parent folder does not exist.
+    """
+    path = Path(path)
+    if not path.absolute().parent.is_dir():
+        raise FileNotFoundError(f"{path}: the folder {path.absolute().parent} does not exist")
+    if not path.exists() or (path.is_dir() and not any(path.iterdir())):
+        return False
+    if _attributes(path) is None:
+        words = ", and is not replaced" if overwrite else ""
+        raise FileExistsError(f"{path} exists and is no map of glazejax{words}; choose another name")
+    return True
+
+
+def _attributes(path: Path) -> dict[str, Any] | None:
+    """Attributes of the map in a folder; None if it holds none."""
+    try:
+        attrs = json.loads((path / "zarr.json").read_text(encoding="utf-8"))["attributes"]
+        return attrs if attrs["glazejax"]["kind"] == KIND else None
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def _differences(there: Mapping[str, Any], wanted: Mapping[str, Any], limit: int = 3) -> str:
+    """In words, how options differ; empty if they do not."""
+    names = [name for name in dict.fromkeys([*there, *wanted]) if there.get(name) != wanted.get(name)]
+    told = [f"{name}: {_short(there.get(name))} there, {_short(wanted.get(name))} now" for name in names[:limit]]
+    return "; ".join([*told, *([f"{len(names) - limit} more"] if len(names) > limit else [])])
+
+
+def _short(value: Any) -> str:
+    text = "nothing" if value is None else value if isinstance(value, str) else json.dumps(value)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+@contextmanager
+def _room(path: Path, kept: Callable[[], str]) -> Iterator[None]:
+    """Turn a full disk into one sentence that says what is kept."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno not in FULL:
+            raise
+        raise OSError(error.errno, f"the disk is full; {kept()}", str(path)) from error
+
+
+def _locked(number: int) -> bool:
+    """Lock an open file for this process; the system lets go when the process ends, however it ends."""
+    try:
+        from fcntl import LOCK_EX, LOCK_NB, flock
+    except ImportError:  # Windows
+        return True
+    try:
+        flock(number, LOCK_EX | LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:  # a network drive without locks
+        return True
+    return True

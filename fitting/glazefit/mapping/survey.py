@@ -1,0 +1,126 @@
+"""Which spectra stand for an image's: a sample of its pixels, and representatives near all of them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float, Int
+
+# Readings vary by this share where paints do (`glazefit.film.errors.BETWEEN_FILMS`), and near black by this.
+_SHARE, _BLACK = 0.03, 0.03
+# Directions in which spectra are compared, and rounds of Lloyd's algorithm.
+_DIRECTIONS, _ROUNDS = 16, 3
+_AT_A_TIME = 8192
+
+
+@dataclass(frozen=True)
+class Features:
+    """Numbers by which spectra are compared: differences of 1 are as large as the errors of paint.
+
+    Attributes:
+        middle: of the logarithms of the sample's readings, (bands,).
+        directions: in which the sample varies most, (directions, bands).
+    """
+
+    middle: Float[np.ndarray, "bands"]
+    directions: Float[np.ndarray, "directions bands"]
+
+    @classmethod
+    def of(cls, sample: Float[np.ndarray, "spectra bands"]) -> "Features":
+        """Those in which the spectra of a sample differ."""
+        logs = _logs(sample)
+        middle = logs.mean(axis=0)
+        off = logs - middle
+        vectors = np.linalg.eigh(off.T @ off)[1][:, ::-1]
+        return cls(middle, np.ascontiguousarray(vectors[:, :_DIRECTIONS].T))
+
+    def __call__(self, readings: Float[np.ndarray, "spectra bands"]) -> Float[np.ndarray, "spectra directions"]:
+        """Features of spectra, single precision."""
+        return ((_logs(readings) - self.middle) @ self.directions.T).astype(np.float32)
+
+
+def _logs(readings: np.ndarray) -> np.ndarray:
+    return np.log(np.maximum(readings, 0.0) + _BLACK) / _SHARE
+
+
+def nearest(
+    features: Float[np.ndarray, "spectra directions"], centres: Float[np.ndarray, "centres directions"]
+) -> tuple[Int[np.ndarray, "spectra"], Float[np.ndarray, "spectra"]]:
+    """Number of the nearest centre of each spectrum, and how far it is."""
+    which, apart = np.empty(len(features), np.int64), np.empty(len(features), np.float32)
+    half = 0.5 * np.sum(centres**2, axis=1)
+    turned = np.ascontiguousarray(centres.T)
+    for start in range(0, len(features), _AT_A_TIME):
+        some = features[start : start + _AT_A_TIME]
+        closeness = some @ turned
+        closeness -= half
+        best = np.argmax(closeness, axis=1)
+        which[start : start + len(some)] = best
+        rest = np.sum(some**2, axis=1) - 2.0 * closeness[np.arange(len(some)), best]
+        apart[start : start + len(some)] = np.sqrt(np.maximum(rest, 0.0))
+    return which, apart
+
+
+def spread_out(
+    features: Float[np.ndarray, "spectra directions"], most: int, reach: float
+) -> tuple[Int[np.ndarray, "chosen"], float]:
+    """Spectra near which all others lie: each next one is the farthest from those before (Gonzalez 1985).
+
+    Args:
+        features: of the spectra.
+        most: spectra at most.
+        reach: no more are taken once all others lie within this.
+
+    Returns:
+        Numbers of the spectra, and how far the farthest other one is from its nearest.
+    """
+    chosen = [int(np.argmax(np.sum((features - features.mean(axis=0)) ** 2, axis=1)))]
+    apart = np.sum((features - features[chosen[0]]) ** 2, axis=1)
+    while len(chosen) < min(most, len(features)) and apart.max() > reach**2:
+        chosen.append(int(np.argmax(apart)))
+        apart = np.minimum(apart, np.sum((features - features[chosen[-1]]) ** 2, axis=1))
+    return np.asarray(chosen), float(np.sqrt(apart.max()))
+
+
+@dataclass(frozen=True)
+class Survey:
+    """Representatives of an image.
+
+    Attributes:
+        features: by which spectra are compared.
+        readings: (representatives, bands), means of the spectra that they stand for.
+        centres: their features.
+        reach: how far from the nearest a spectrum of the sample lies at most.
+        sampled: pixels of the sample.
+    """
+
+    features: Features
+    readings: Float[np.ndarray, "representatives bands"]
+    centres: Float[np.ndarray, "representatives directions"]
+    reach: float
+    sampled: int
+
+
+def survey(sample: Float[np.ndarray, "spectra bands"], most: int, reach: float) -> Survey:
+    """Representatives of a sample of spectra: spread out, then moved to the middles of what they stand for.
+
+    Args:
+        sample: readings of good pixels.
+        most: representatives at most.
+        reach: wanted distance of every spectrum to its representative, in standard deviations of paint's errors.
+    """
+    features = Features.of(sample)
+    found = features(sample)
+    chosen, _ = spread_out(found, most, reach)
+    centres = found[chosen]
+    which, apart = nearest(found, centres)
+    for _ in range(_ROUNDS):
+        count = np.bincount(which, minlength=len(centres))
+        there = count > 0
+        sums = np.stack([np.bincount(which, weights=column, minlength=len(centres)) for column in found.T], axis=1)
+        centres = (sums[there] / count[there, None]).astype(np.float32)
+        which, apart = nearest(found, centres)
+    count = np.bincount(which, minlength=len(centres))
+    there = np.flatnonzero(count > 0)
+    sums = np.stack([np.bincount(which, weights=column, minlength=len(centres)) for column in sample.T], axis=1)
+    readings = sums[there] / count[there, None]
+    return Survey(features, readings, features(readings), float(apart.max()), len(sample))

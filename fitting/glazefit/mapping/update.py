@@ -1,0 +1,161 @@
+"""Answers for spectra near a representative, in closed form from its candidates."""
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+from jaxtyping import Bool, Float, Int
+
+from ..film.errors import Prior
+from ..identify.result import NOBODY, Pool, log_sds
+from ..identify.weigh import Off, Smaller, odds_alike, smaller_sets
+from .local import Local, Searched
+
+# Log amounts are not moved farther: a paint that does next to nothing would go anywhere.
+_FAR = 1.5
+
+
+@dataclass(frozen=True)
+class Answers:
+    """What is said of spectra: the most probable set of each, and how it stands beside all others."""
+
+    members: Int[np.ndarray, "spectra 3"]
+    coats: Int[np.ndarray, "spectra 3"]
+    condition: Int[np.ndarray, "spectra"]
+    opaque: Bool[np.ndarray, "spectra"]
+    probability: Float[np.ndarray, "spectra"]
+    none: Float[np.ndarray, "spectra"]
+    explained: Bool[np.ndarray, "spectra"]
+    paint_probability: Float[np.ndarray, "spectra paints"]
+    amounts: Float[np.ndarray, "spectra 3"]  # log, m; -inf for no paint
+    covariance: Float[np.ndarray, "spectra 3 3"]
+    misfit: Float[np.ndarray, "spectra"]
+    fitted: Float[np.ndarray, "spectra bands"]
+
+    def put(self, rows: np.ndarray, others: "Answers") -> None:
+        """Write others' answers into some rows."""
+        for f in fields(self):
+            getattr(self, f.name)[rows] = getattr(others, f.name)
+
+    def take(self, rows: np.ndarray) -> "Answers":
+        """Some of them."""
+        return Answers(*(getattr(self, f.name)[rows] for f in fields(self)))
+
+    @classmethod
+    def empty(cls, spectra: int, paints: int, bands: int) -> "Answers":
+        """Room for answers."""
+        real = np.float32
+        return cls(
+            np.full((spectra, 3), NOBODY, np.int16),
+            np.zeros((spectra, 3), np.int8),
+            np.zeros(spectra, np.int8),
+            np.zeros(spectra, bool),
+            np.full(spectra, np.nan, real),
+            np.full(spectra, np.nan, real),
+            np.zeros(spectra, bool),
+            np.full((spectra, paints), np.nan, real),
+            np.full((spectra, 3), -np.inf, real),
+            np.zeros((spectra, 3, 3), real),
+            np.full(spectra, np.nan, real),
+            np.full((spectra, bands), np.nan, real),
+        )
+
+    @property
+    def fractions(self) -> Float[np.ndarray, "spectra 3"]:
+        """Share of each paint."""
+        amounts = np.exp(self.amounts)
+        return amounts / amounts.sum(axis=-1, keepdims=True)
+
+    def spread(self) -> tuple[Float[np.ndarray, "spectra 3"], Float[np.ndarray, "spectra"]]:
+        """Standard deviations of the logs of the fractions and of the thickness."""
+        return log_sds(self.members, self.fractions, self.covariance)[1:]
+
+
+class Updater:
+    """Candidates of one representative, ready for spectra near it.
+
+    Args:
+        known: representatives.
+        number: of the one that is meant.
+        candidates: its candidates among all.
+        prior: what was expected.
+    """
+
+    def __init__(self, known: Searched, number: int, candidates: slice, prior: Prior) -> None:
+        local = known.local.take(candidates)
+        paints = known.rest_paints.shape[1]
+        self.local, self.prior = local, prior
+        self.blur, self.rest, self.rest_paints = known.blur[number], known.rest[number], known.rest_paints[number]
+        self.reading = known.readings[number]
+        self.order = _order(local)
+        self.present = (local.members[..., None] == np.arange(paints)).any(axis=1).astype(np.float32)
+        count, bands = local.off.shape
+        # All that is linear in the readings, by one product.
+        parts = [local.off_by, local.logs_by, local.seen_by, local.left_by]
+        self.by = np.concatenate([part.reshape(-1, bands) for part in parts]).T.copy()
+        ends = np.cumsum([part.shape[0] * part.shape[1] for part in parts])[:-1]
+        self.ends, self.count = ends, count
+
+    def answers(self, readings: Float[np.ndarray, "spectra bands"]) -> Answers:
+        """For spectra near the representative."""
+        local, count = self.local, self.count
+        moved = readings - self.reading
+        every = moved @ self.by
+        off, logs, seen, left = (part.reshape(len(moved), count, -1) for part in np.split(every, self.ends, axis=1))
+        weight = local.log_weight + self._gained(local.off + off, np.clip(logs, -_FAR, _FAR))
+        distance = np.linalg.norm(local.seen + seen, axis=-1), np.linalg.norm(local.left + left, axis=-1)
+        shape = np.broadcast_to(local.shape, weight.shape)
+        far = Off(*distance, shape, np.full(len(moved), self.blur))
+        odds = odds_alike(weight, far, self.order, self.prior)
+        # Candidates that were left out keep their share.
+        total = odds.candidates.sum(axis=1) / (1.0 - self.rest) + odds.none
+        first = np.argmax(odds.candidates, axis=1)
+        rows = np.arange(len(moved))
+        none = odds.none / total
+        # One product for all spectra of the same first set.
+        amounts = local.amounts[first].copy()
+        fitted = local.fitted[first].copy()
+        for n in np.unique(first):
+            own = first == n
+            amounts[own] += np.clip(moved[own] @ local.amounts_by[n].T, -_FAR, _FAR)
+            fitted[own] += moved[own] @ local.fitted_by[n].T
+        return Answers(
+            local.members[first],
+            local.coats[first],
+            local.condition[first],
+            local.opaque[first],
+            odds.candidates[rows, first] / total,
+            none,
+            (none < 0.5) & ~odds.rejected[rows, first],
+            (odds.candidates / total[:, None]) @ self.present + (self.rest * (1.0 - none))[:, None] * self.rest_paints,
+            amounts,
+            local.covariance[first],
+            odds.misfit,
+            fitted,
+        )
+
+    def _gained(
+        self, off: Float[np.ndarray, "spectra n bands"], logs: Float[np.ndarray, "spectra n 3"]
+    ) -> Float[np.ndarray, "spectra n"]:
+        """What the log weights of the candidates are more than at the representative; see `fit._evidence`."""
+        local = self.local
+        freedom, whole, trust = local.numbers[:, 0], local.numbers[:, :2].sum(axis=1), local.numbers[:, 2]
+        before, now = np.sum(local.off**2, axis=-1), np.einsum("snb,snb->sn", off, off)
+        heavy = freedom > 0
+        safe = np.where(heavy, freedom, 1.0)
+        gained = np.where(heavy, -0.5 * whole * (np.log1p(now / safe) - np.log1p(before / safe)), -0.5 * (now - before))
+        # How sharply the data hold the amounts changes with how well all is met.
+        share, shared = (np.where(heavy, whole / (safe + square), 1.0) for square in (now, before))
+        volume = np.log1p(share[..., None] * local.ratios) - np.log1p(shared[:, None] * local.ratios)
+        prior = np.einsum("snm,nm->sn", logs, local.gradient)
+        prior = prior + 0.5 * np.einsum("snm,nmp,snp->sn", logs, local.hessian, logs, optimize=True)
+        return trust * (gained - prior - 0.5 * volume.sum(axis=-1))
+
+
+def _order(local: Local) -> list[Smaller]:
+    """Which candidates have others of one paint less beside them."""
+    nothing = np.zeros((1, len(local.row), 0))
+    pool = Pool(
+        local.members[None], local.coats[None], local.amounts[None], local.covariance[None], local.log_weight[None],
+        nothing, nothing, local.log_weight[None], local.condition[None],
+    )  # fmt: skip
+    return smaller_sets(pool, 0, np.ones(len(local.row), bool))

@@ -1,0 +1,114 @@
+"""Images that are plain arrays: .npy, and ENVI with its header."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ..formats.envi import EnviFile
+from ..read import envi_file
+from ..source import explained, refusal
+from .axes import axes_of
+from .raw import OnDisk, RawCube
+
+
+def envi_cube(path: Path) -> RawCube:
+    """An ENVI image, header or data named; mapped into memory, in any interleave, type and byte order.
+
+    Raises:
+        FileNotFoundError: no such file, or a header without its data.
+        ValueError: the header is not legal, or the data are not as long as it promises.
+    """
+    envi = envi_file(path)
+    if envi.is_library:
+        raise envi.error("an ENVI spectral library, not an image")
+    notes: list[str] = []
+    wavelengths = None
+    if "wavelength" in envi.header:
+        wavelengths, notes = envi.wavelengths()
+    raw = envi.mapped()
+    return RawCube(
+        envi.path,
+        "ENVI image",
+        OnDisk(_mapped, envi.path, envi.data),
+        (0, 1, 2),
+        (int(raw.shape[0]), int(raw.shape[1]), int(raw.shape[2])),
+        raw.dtype,
+        wavelengths=wavelengths,
+        good=envi.good_bands(notes),
+        scale=envi.declared_scale,
+        ignore=() if envi.ignore is None else (envi.ignore,),
+        notes=tuple(notes),
+        **_place(envi),
+    )
+
+
+def _mapped(header: Path, data: Path) -> np.ndarray:
+    """Numbers of an ENVI image, (lines, samples, bands)."""
+    from ..source import opened
+
+    with opened(header) as source:
+        return EnviFile(source, data).mapped()
+
+
+def _place(envi: EnviFile) -> dict[str, Any]:
+    """Coordinates and pixel size from the header's ``map info``, ``pixel size`` and ``coordinate system string``.
+
+    ``map info`` is projection, reference pixel (x, y; 1, 1 is the corner of the first pixel), its easting and northing,
+    pixel size (x, y), then zone and datum, and entries ``units=`` and ``rotation=``.
+    """
+    attributes: dict[str, Any] = {}
+    if system := envi.entries("coordinate system string"):
+        attributes["crs_wkt"] = ", ".join(system)
+    info, sizes = envi.entries("map info"), envi.entries("pixel size")
+    about: dict[str, Any] = {}
+    found: dict[str, Any] = {"attributes": attributes, "about_place": about}
+    words = dict(entry.lower().split("=", 1) for entry in (info or sizes) if "=" in entry)
+    if "units" in words:
+        about["units"] = words["units"].strip()
+    if info:
+        attributes["map_info"] = ", ".join(info)
+        try:
+            x0, y0, east, north, dx, dy = (float(entry) for entry in info[1:7])
+        except ValueError:
+            return found
+        about["pixel_size"] = (dy, dx)
+        # A turned image has no coordinates of its own for lines and samples; centres of pixels stay.
+        if float(words.get("rotation", 0) or 0) == 0:
+            lines, samples = envi.sizes["lines"], envi.sizes["samples"]
+            found["x"] = east + (np.arange(samples) + 1.5 - x0) * dx
+            found["y"] = north - (np.arange(lines) + 1.5 - y0) * dy
+            about.setdefault("units", "metre")
+    elif len(sizes) >= 2:
+        about["pixel_size"] = (float(sizes[1]), float(sizes[0]))
+    return found
+
+
+def npy_cube(path: Path, count: int | None) -> RawCube:
+    """An array that NumPy saved, mapped into memory.
+
+    Args:
+        path: of the .npy file.
+        count: bands, if they are known; they tell which axis is the wavelength.
+
+    Raises:
+        ValueError: not three axes of real numbers.
+    """
+    array = _npy(path)
+    if array.ndim != 3 or array.dtype.kind not in "fiu":
+        raise refusal(path, f"an array of shape {array.shape} and type {array.dtype}, not an image of y, x, wavelength")
+    order, shape = axes_of(array.shape, count)
+    return RawCube(path, "NumPy array", OnDisk(_npy, path), order, shape, array.dtype)
+
+
+def _npy(path: Path) -> np.ndarray:
+    """Array of a .npy file, mapped into memory.
+
+    Raises:
+        ValueError: it is none, or was cut short.
+    """
+    with explained(path):
+        try:
+            return np.load(path, mmap_mode="r", allow_pickle=False)
+        except ValueError as error:
+            raise refusal(path, f"not a whole .npy file: {error}") from None

@@ -1,0 +1,227 @@
+"""Which of many named arrays is the image, which its wavelengths, and what their attributes mean."""
+
+import base64
+import binascii
+import struct
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from ..finish import nanometres
+from ..source import refusal
+from ..spectra_table import listed
+from .axes import axes_of
+from .raw import OnDisk, RawCube
+
+_SPECTRAL = (
+    "wavelength",
+    "wavelengths",
+    "wl",
+    "wvl",
+    "lambda",
+    "band_center",
+    "center_wavelength",
+    "centre_wavelength",
+)
+
+
+class Entry(NamedTuple):
+    """One array of a file."""
+
+    name: str  # path in the file; empty for what is none of the user's
+    shape: tuple[int, ...]
+    dtype: np.dtype[Any]
+    dims: tuple[str | None, ...]
+    attributes: dict[str, Any]
+    piece: tuple[int, ...]
+    array: Any
+
+    @property
+    def last(self) -> str:
+        """Its own name, without the groups it is in."""
+        return self.name.rsplit("/", 1)[-1]
+
+    @property
+    def group(self) -> str:
+        """The groups it is in."""
+        return self.name.rpartition("/")[0]
+
+
+def describe(
+    path: Path,
+    format: str,
+    entries: Sequence[Entry],
+    dataset: str | None,
+    count: int | None,
+    on_disk: Callable[[str], OnDisk],
+) -> RawCube:
+    """The image among the arrays of a file.
+
+    Args:
+        path: for the errors.
+        format: what the file is.
+        entries: its arrays.
+        dataset: name of the image's array, if the user said it.
+        count: wavelengths, if the user gave them.
+        on_disk: array of a name, opened when it is needed.
+
+    Raises:
+        ValueError: no array of that name, several that can be meant, or wavelengths that are not legal.
+    """
+    image = _image(path, entries, dataset, count)
+    spectral = _wavelengths_of(image, entries)
+    wavelengths, notes = (None, []) if spectral is None else _read_wavelengths(path, *spectral)
+    if count is None and wavelengths is not None:
+        count = wavelengths.size
+    order, shape = axes_of(image.shape, count, image.dims)
+    if wavelengths is not None and wavelengths.size != shape[2]:
+        wavelengths, notes = None, []
+    found: dict[str, Any] = {}
+    about: dict[str, Any] = {}
+    for title, axis in (("y", order[0]), ("x", order[1])):
+        coordinates = _coordinates(image, axis, entries)
+        if coordinates is not None:
+            found[title] = np.asarray(coordinates.array[...], np.float64)
+            if unit := _text(coordinates.attributes.get("units")):
+                about["units"] = unit
+    if "x" in found and "y" in found:
+        about.setdefault("units", "as in the file")
+        steps = [float(abs(np.diff(found[title]).mean())) if found[title].size > 1 else 1.0 for title in ("y", "x")]
+        about["pixel_size"] = tuple(steps)
+    else:
+        found = {}
+        about = {}
+    return RawCube(
+        path,
+        format,
+        on_disk(image.name),
+        order,
+        shape,
+        image.dtype,
+        (image.piece[order[0]], image.piece[order[1]], image.piece[order[2]]),
+        wavelengths,
+        _good(image, entries, shape[2]),
+        notes=tuple(notes),
+        about_place=about,
+        **_meaning(path, image.attributes),
+        **found,
+    )
+
+
+def _image(path: Path, entries: Sequence[Entry], dataset: str | None, count: int | None) -> Entry:
+    """The array that is meant."""
+    cubes = [entry for entry in entries if len(entry.shape) == 3 and entry.dtype.kind in "fiu" and 0 not in entry.shape]
+    known = listed([f"{entry.name or '(the array itself)'} {entry.shape}" for entry in cubes])
+    if dataset is not None:
+        wanted = dataset.strip("/")
+        chosen = [entry for entry in cubes if entry.name == wanted] or [e for e in cubes if e.last == wanted]
+        if len(chosen) == 1:
+            return chosen[0]
+        if chosen:
+            raise refusal(path, f"{dataset!r} is the name of {len(chosen)} arrays: say which with its groups: {known}")
+        have = f"there are {known}" if cubes else "there is none"
+        raise refusal(path, f"no dataset {dataset!r} with three axes of numbers; {have}")
+    if not cubes:
+        raise refusal(path, "no image of spectra: no array has three axes of numbers")
+    for narrowed in (
+        cubes,
+        [entry for entry in cubes if count in entry.shape],
+        [entry for entry in cubes if _wavelengths_of(entry, entries) is not None],
+        [entry for entry in cubes if "reflectance" in entry.last.lower()],
+    ):
+        if len(narrowed) == 1:
+            return narrowed[0]
+    raise refusal(path, f"{len(cubes)} arrays can be meant, choose a dataset: {known}")
+
+
+def _wavelengths_of(image: Entry, entries: Sequence[Entry]) -> tuple[Any, str] | None:
+    """Wavelengths of an image and their unit: an array named so that is as long as one of its axes, or an attribute."""
+    named = [
+        entry
+        for entry in entries
+        if len(entry.shape) == 1
+        and entry.shape[0] in image.shape
+        and entry.dtype.kind in "fiu"
+        and entry.last.lower().startswith(_SPECTRAL)
+    ]
+    if named:
+        # The nearest: in the image's own group, then below it, then anywhere.
+        named.sort(key=lambda entry: (entry.group != image.group, not entry.group.startswith(image.group)))
+        return named[0].array[...], _unit(named[0].attributes)
+    for title, value in image.attributes.items():
+        if title.lower() in _SPECTRAL and np.ndim(value) == 1 and len(value) in image.shape:
+            return value, _text(image.attributes.get("wavelength_units")) or ""
+    return None
+
+
+def _read_wavelengths(path: Path, values: Any, unit: str) -> tuple[Float[np.ndarray, "stored"], list[str]]:
+    try:
+        wavelengths = np.asarray(values, np.float64)
+        if not np.isfinite(wavelengths).all():
+            raise ValueError(f"wavelength number {int(np.argmin(np.isfinite(wavelengths))) + 1} is not finite")
+        return nanometres(wavelengths, unit)
+    except ValueError as error:
+        raise refusal(path, error) from None
+
+
+def _coordinates(image: Entry, axis: int, entries: Sequence[Entry]) -> Entry | None:
+    """Coordinates along an axis: the array of the axis' name."""
+    name = str(image.dims[axis] or "").strip("/")
+    for wanted in (name, f"{image.group}/{name}".strip("/")):
+        for entry in entries:
+            if name and entry.name == wanted and entry.shape == (image.shape[axis],) and entry.dtype.kind in "fiu":
+                return entry
+    return None
+
+
+def _good(image: Entry, entries: Sequence[Entry], count: int) -> np.ndarray | None:
+    """Bands that no list of bad bands names."""
+    for entry in entries:
+        if entry.last.lower() in ("bbl", "good_wavelengths") and entry.shape == (count,):
+            good = np.flatnonzero(np.asarray(entry.array[...]))
+            return good if good.size else None
+    marks = image.attributes.get("bbl")
+    return None if marks is None or np.shape(marks) != (count,) else np.flatnonzero(np.asarray(marks))
+
+
+def _meaning(path: Path, attributes: dict[str, Any]) -> dict[str, Any]:
+    """Gain, offset, scale and marks of missing data by the conventions of CF, and by the names that others use."""
+    number = {title: value for title, value in attributes.items() if title in _NUMBERS}
+    values = {title: _number(path, title, value) for title, value in number.items()}
+    ignore = {values[title] for title in ("_FillValue", "missing_value", "Data_Ignore_Value") if title in values}
+    scale = values.get("Scale_Factor")
+    if scale is None:
+        scale = {"%": 100.0, "percent": 100.0, "1": 1.0}.get((_unit(attributes)).lower())
+    return {
+        "gain": values.get("scale_factor", 1.0),
+        "offset": values.get("add_offset", 0.0),
+        "scale": scale,
+        "ignore": tuple(sorted(value for value in ignore if np.isfinite(value))),
+    }
+
+
+_NUMBERS = ("_FillValue", "missing_value", "Data_Ignore_Value", "scale_factor", "add_offset", "Scale_Factor")
+
+
+def _number(path: Path, title: str, value: Any) -> float:
+    """A number of an attribute: alone, in an array of one, or in base64, as xarray writes marks into zarr 3."""
+    try:
+        if isinstance(value, str | bytes):
+            return float(struct.unpack("<d", base64.standard_b64decode(value))[0])
+        return float(np.ravel(value)[0])
+    except (ValueError, TypeError, IndexError, binascii.Error, struct.error):
+        raise refusal(path, f"attribute {title!r} is {value!r}, not a number") from None
+
+
+def _unit(attributes: dict[str, Any]) -> str:
+    return next((_text(value) for title, value in attributes.items() if title.lower() in ("units", "unit")), "")
+
+
+def _text(value: Any) -> str:
+    """An attribute as text."""
+    if isinstance(value, np.ndarray) and value.size == 1:
+        value = value.ravel()[0]
+    return value.decode("utf-8", "replace") if isinstance(value, bytes) else "" if value is None else str(value)

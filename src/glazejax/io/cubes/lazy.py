@@ -1,0 +1,193 @@
+"""Reflectance of a window, read and worked out when xarray asks for it."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import xarray
+from jaxtyping import Float, Int
+from xarray.backends import BackendArray
+from xarray.core.indexing import (
+    ExplicitIndexer,
+    IndexingSupport,
+    LazilyIndexedArray,
+    VectorizedIndexer,
+    explicit_indexing_adapter,
+)
+
+from .calibration import Calibration
+from .raw import RawCube
+
+# Numbers worked on at a time: few enough for a processor's cache, so that bands that lie apart are brought together
+# there, and many enough that each piece is worth its call.
+_AT_ONCE = 1 << 19
+
+
+@dataclass(frozen=True)
+class Reading:
+    """From the file's numbers to reflectance.
+
+    Attributes:
+        raw: the file.
+        bands: (bands, n), the stored bands of each band that is given; their mean is taken.
+        window: first line, end line, first sample, end sample.
+        binning: lines and samples of which the mean is taken.
+        scale: value that stands for a reflectance of 1.
+        calibration: white and dark, in place of the scale; or None.
+    """
+
+    raw: RawCube
+    bands: Int[np.ndarray, "bands n"]
+    window: tuple[int, int, int, int]
+    binning: tuple[int, int]
+    scale: float
+    calibration: Calibration | None
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Lines, samples and bands that are given; lines and samples that do not fill a bin are left out."""
+        y0, y1, x0, x1 = self.window
+        return (y1 - y0) // self.binning[0], (x1 - x0) // self.binning[1], len(self.bands)
+
+    def take(self, key: tuple[Any, ...]) -> np.ndarray:
+        """Reflectance at a tuple of whole numbers and slices with positive steps, one for each of the dims."""
+        ranges = [
+            range(k, k + 1) if isinstance(k, int | np.integer) else range(*k.indices(n))
+            for k, n in zip(key, self.shape, strict=True)
+        ]
+        lines, samples, bands = ranges
+        values = np.empty((len(lines), len(samples), len(bands)), np.float32)
+        if values.size:
+            groups = self.bands[bands.start : bands.stop : bands.step]
+            for part in self._strips(lines, len(samples) * self.binning[1] * groups.size):
+                values[part] = self._strip(lines[part], samples, groups)
+        return np.asarray(values[tuple(0 if isinstance(k, int | np.integer) else slice(None) for k in key)])
+
+    def _strips(self, lines: range, width: int) -> Iterator[slice]:
+        """Parts of the lines that are read at a time: whole pieces of the file, and of bearable size."""
+        each = self.binning[0]
+        if lines.step > 1 and each > 1:
+            yield from (slice(i, i + 1) for i in range(len(lines)))
+            return
+        piece = self.raw.piece[0]
+        most = max(1, _AT_ONCE // max(width * each, 1)) * each * lines.step
+        most = max(piece, most // piece * piece)
+        start = 0
+        while start < len(lines):
+            first = self.window[0] + lines[start] * each
+            # To the end of the last piece that is not too much, counted in lines of the file.
+            last = (first // piece) * piece + most
+            stop = max(start + 1, start + (last - first) // (each * lines.step))
+            yield slice(start, min(stop, len(lines)))
+            start = stop
+
+    def _strip(self, lines: range, samples: range, groups: Int[np.ndarray, "bands n"]) -> np.ndarray:
+        """Reflectance of a few lines."""
+        y0, _, x0, _ = self.window
+        by, bx = self.binning
+        y, ny = _span(lines, y0, by)
+        x, nx = _span(samples, x0, bx)
+        stored = groups.ravel()
+        binned = by > 1 or bx > 1 or groups.shape[1] > 1
+        values = self.raw.values(y, x, stored, mark=binned or self.calibration is not None)
+        if self.calibration is not None:
+            values = self.calibration.apply(values, y, x, stored)
+        elif self.scale != 1.0:
+            values /= values.dtype.type(self.scale)
+        if not binned:
+            return values
+        values = binned_mean(values.reshape(ny, by, nx, bx, *groups.shape))
+        # Bins between those that were asked for were read with them.
+        return values[:, :: samples.step] if bx > 1 else values
+
+
+def _span(wanted: range, start: int, each: int) -> tuple[slice, int]:
+    """Lines (or samples) of the file for a range of bins, and how many bins they hold."""
+    if each == 1:
+        return slice(start + wanted.start, start + wanted[-1] + 1, wanted.step), len(wanted)
+    return slice(start + wanted.start * each, start + (wanted[-1] + 1) * each), wanted[-1] + 1 - wanted.start
+
+
+def binned_mean(values: Float[np.ndarray, "ny by nx bx bands n"]) -> Float[np.ndarray, "ny nx bands"]:
+    """Means over the bins that leave NaN out; NaN where a bin has nothing else, +inf where it has a saturated value."""
+    missing = np.isnan(values)
+    axes = (1, 3, 5)
+    if not missing.any():
+        return values.mean(axes, dtype=np.float64)
+    values = np.where(missing, 0.0, values)
+    counts = (~missing).sum(axes)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        return values.sum(axes, dtype=np.float64) / counts
+
+
+class LazyReflectance(BackendArray):
+    """What xarray indexes: reads when its values are asked for."""
+
+    def __init__(self, reading: Reading):
+        self.reading = reading
+        self.shape = reading.shape
+        self.dtype = np.dtype(np.float32)
+
+    def __getitem__(self, key: ExplicitIndexer) -> np.ndarray:
+        if not isinstance(key, VectorizedIndexer):
+            # xarray does not take an empty part that runs backwards, nor an empty list.
+            parts = [(k, n) for k, n in zip(key.tuple, self.shape, strict=True) if not isinstance(k, int | np.integer)]
+            sizes = [len(range(n)[k]) if isinstance(k, slice) else k.size for k, n in parts]
+            if 0 in sizes:
+                return np.empty(sizes, self.dtype)
+        return explicit_indexing_adapter(key, self.shape, IndexingSupport.BASIC, self.reading.take)
+
+
+def as_data_array(
+    reading: Reading, wavelengths: Float[np.ndarray, "bands"], unit: str, notes: list[str]
+) -> xarray.DataArray:
+    """The lazy array that users see.
+
+    Args:
+        reading: how values are made.
+        wavelengths: nm.
+        unit: what the file's numbers are.
+        notes: sentences on what was changed.
+    """
+    raw, (y0, _, x0, _), (by, bx) = reading.raw, reading.window, reading.binning
+    lines, samples, _ = reading.shape
+    dims = ("y", "x", "wavelength")
+    about = {"units": "pixel", **raw.about_place}
+    size = about.pop("pixel_size", (1.0, 1.0) if raw.y is None else None)
+    places = {}
+    for i, (name, own, first, count, each) in enumerate((("y", raw.y, y0, lines, by), ("x", raw.x, x0, samples, bx))):
+        further = {} if size is None else {"pixel_size": size[i] * each}
+        places[name] = (name, _centres(own, first, count, each), about | further)
+    attributes: dict[str, Any] = {
+        "long_name": "reflectance factor",
+        "units": "1",
+        "path": str(raw.path),
+        "format": raw.format,
+        "unit": unit,
+        "shape_in_file": list(raw.shape),
+        "window": list(reading.window),
+        "binning": [by, bx, int(reading.bands.shape[1])],
+        "notes": list(notes),
+        **raw.attributes,
+    }
+    if raw.top is not None:
+        marked = reading.calibration is not None or attributes["binning"] != [1, 1, 1]
+        attributes["saturated"] = np.inf if marked else (raw.top * raw.gain + raw.offset) / reading.scale
+    array = xarray.DataArray(
+        xarray.Variable(dims, LazilyIndexedArray(LazyReflectance(reading))),
+        {**places, "wavelength": ("wavelength", wavelengths, {"units": "nm"})},
+        name="reflectance",
+        attrs=attributes,
+    )
+    # What the file stores together, for those who choose the size of their windows.
+    sizes = zip(dims, raw.piece, attributes["binning"], strict=True)
+    array.encoding["preferred_chunks"] = {name: max(1, -(-size // each)) for name, size, each in sizes}
+    return array
+
+
+def _centres(own: Float[np.ndarray, "size"] | None, first: int, count: int, each: int) -> Float[np.ndarray, "count"]:
+    """Coordinates of bins: the file's own, or centres of pixels of the whole image, from its upper left corner."""
+    part = slice(first, first + count * each)
+    places = np.arange(part.start, part.stop) + 0.5 if own is None else own[part]
+    return places.reshape(count, each).mean(1)

@@ -1,0 +1,55 @@
+"""Lists of numbers that a user gives: as a sequence, a text file or a .npy file."""
+
+from pathlib import Path
+
+import numpy as np
+from jaxtyping import Float
+
+from ..finish import nanometres
+from ..source import explained, opened, refusal
+
+
+def read_numbers(given: tuple[float, ...] | Path) -> Float[np.ndarray, "stored"]:
+    """Wavelengths in nm, in their own order.
+
+    Raises:
+        FileNotFoundError: no such file.
+        ValueError: not numbers, none, or not wavelengths.
+    """
+    if isinstance(given, Path):
+        values, name = column(given), given
+    else:
+        values, name = np.asarray(given, np.float64), Path("wavelengths")
+    wrong = np.flatnonzero(~np.isfinite(values))
+    if not values.size or wrong.size:
+        which = f"number {int(wrong[0]) + 1} is {values[wrong[0]]:g}" if wrong.size else "there are none"
+        raise refusal(name, f"wavelengths must be finite numbers: {which}")
+    try:
+        return nanometres(values, None)[0]
+    except ValueError as error:
+        raise refusal(name, error) from None
+
+
+def column(path: Path) -> Float[np.ndarray, "rows"]:
+    """Numbers of a .npy file of one axis, or of a text file: separated by blanks, commas or lines; # begins a comment.
+
+    Raises:
+        FileNotFoundError: no such file.
+        ValueError: not numbers.
+    """
+    if path.suffix.lower() == ".npy":
+        with explained(path):
+            try:
+                values = np.load(path, allow_pickle=False)
+            except ValueError as error:
+                raise refusal(path, f"not a whole .npy file: {error}") from None
+        if values.dtype.kind not in "fiu" or values.size != max(values.shape, default=0):
+            raise refusal(path, f"an array of shape {values.shape} and type {values.dtype}, not a row of numbers")
+        return values.astype(np.float64).ravel()
+    with opened(path) as source:
+        text = source.text()
+    words = [word for line in text.splitlines() for word in line.partition("#")[0].replace(",", " ").split()]
+    try:
+        return np.array([float(word) for word in words], np.float64)
+    except ValueError as error:
+        raise refusal(path, f"not a list of numbers: {error}") from None

@@ -1,0 +1,238 @@
+"""Parts of an image: masks from pictures and polygons, and spots of which the spectrum is wanted."""
+
+import json
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Bool, Float
+
+from ...extras import require
+from ..source import explained, is_there, opened, refusal
+
+if TYPE_CHECKING:
+    import xarray
+
+
+def read_mask(path: str | Path, image: Any) -> Bool[np.ndarray, "y x"]:
+    """Which pixels are used, from a picture or from polygons.
+
+    A picture (PNG or what Pillow reads) uses the pixels that are not black and not transparent. Polygons are GeoJSON
+    (Polygon, MultiPolygon, or features of them) or a CSV of x, y vertices, an empty line between polygons; a pixel is
+    used if its centre lies inside. Their numbers are pixels of the whole image: 0, 0 is its upper left corner, and the
+    first pixel's centre is at 0.5, 0.5. A polygon within another is a hole.
+
+    Args:
+        path: of the picture or of the polygons.
+        image: the cube that `open_cube` gave, or (lines, samples). The picture has the size of the whole image, or that
+            of the cube as it was opened, windowed and binned; a bin is used if at least half of its pixels are.
+
+    Raises:
+        FileNotFoundError: no such file.
+        ValueError: a picture of another size, a file that is neither, or nothing is used.
+    """
+    path = Path(path)
+    shape = tuple(image) if not hasattr(image, "dims") else image.shape[:2]
+    attributes = getattr(image, "attrs", {})
+    whole = tuple(attributes.get("shape_in_file", shape))[:2]
+    with opened(path) as source:
+        head = source.head[:64]
+        picture = head.startswith((b"\x89PNG", b"II*\0", b"MM\0*", b"BM", b"\xff\xd8", b"GIF8"))
+        text = "" if picture else source.text()
+    if picture:
+        used = _picture(path)
+        if used.shape == shape != whole:
+            return _some(path, used)
+        if used.shape != whole:
+            size = f"{whole[0]} lines x {whole[1]} samples"
+            if shape != whole:
+                size += f", opened as {shape[0]} x {shape[1]}"
+            raise refusal(path, f"the mask has {used.shape[0]} lines x {used.shape[1]} samples; the image has {size}")
+    else:
+        used = inside(_polygons(path, text), whole)
+    if shape != whole:
+        y0, y1, x0, x1 = attributes.get("window", (0, whole[0], 0, whole[1]))
+        by, bx, _ = attributes.get("binning", (1, 1, 1))
+        part = used[y0:y1, x0:x1][: shape[0] * by, : shape[1] * bx]
+        used = part.reshape(shape[0], by, shape[1], bx).mean((1, 3)) >= 0.5
+    return _some(path, used)
+
+
+def _some(path: Path, used: Bool[np.ndarray, "y x"]) -> Bool[np.ndarray, "y x"]:
+    """The mask, unless it uses nothing."""
+    if not used.any():
+        raise refusal(path, "the mask uses no pixel of the image")
+    return used
+
+
+def _picture(path: Path) -> Bool[np.ndarray, "y x"]:
+    """Pixels of a picture that are neither black nor transparent."""
+    require("PIL")
+    from PIL import Image, UnidentifiedImageError
+
+    with explained(path):
+        try:
+            with Image.open(path) as picture:
+                if picture.mode == "P":
+                    picture = picture.convert("RGBA")
+                values = np.asarray(picture)
+        except (UnidentifiedImageError, SyntaxError, Image.DecompressionBombError) as error:
+            raise refusal(path, f"not a whole picture: {error}") from None
+        except OSError as error:
+            if error.errno is not None:
+                raise
+            raise refusal(path, f"not a whole picture: {error}") from None
+    if values.ndim == 2:
+        return values != 0
+    used = (values[..., : min(3, max(1, values.shape[2] - (values.shape[2] in (2, 4))))] != 0).any(axis=2)
+    return used & (values[..., -1] != 0) if values.shape[2] in (2, 4) else used
+
+
+def _polygons(path: Path, text: str) -> list[Float[np.ndarray, "vertices 2"]]:
+    """Closed lines of x, y, from GeoJSON or from rows of numbers."""
+    if text.lstrip().startswith(("{", "[")):
+        try:
+            found = _rings(json.loads(text))
+        except (ValueError, TypeError, KeyError, AttributeError) as error:
+            raise refusal(path, f"not GeoJSON of polygons: {error}") from None
+    else:
+        found = [[]]
+        for number, line in enumerate(text.splitlines(), start=1):
+            words = line.partition("#")[0].replace(",", " ").replace(";", " ").split()
+            if not words:
+                found.append([])
+                continue
+            try:
+                point = [float(word) for word in words]
+            except ValueError:
+                if number == 1:  # titles
+                    continue
+                raise refusal(path, f"{line.strip()[:40]!r} is not x,y", number) from None
+            if len(point) != 2:
+                raise refusal(path, f"{len(point)} numbers where a vertex has x,y", number)
+            found[-1].append(point)
+        found = [ring for ring in found if ring]
+    rings = []
+    for ring in found:
+        try:
+            points = np.asarray(ring, np.float64)
+        except (ValueError, TypeError):
+            points = np.empty(0)
+        if points.ndim != 2 or points.shape[1] < 2 or not np.isfinite(points).all():
+            raise refusal(path, "a polygon is a list of x, y pairs of finite numbers")
+        if len(points) < 3:
+            raise refusal(path, f"a polygon needs three vertices; one has {len(points)}")
+        rings.append(points[:, :2])
+    if not rings:
+        raise refusal(path, "holds no polygon")
+    return rings
+
+
+def _rings(node: Any) -> list[Any]:
+    """Rings of all polygons in GeoJSON; of a bare list, that list."""
+    if isinstance(node, list):
+        return [node]
+    kind = node.get("type")
+    if kind == "FeatureCollection":
+        return [ring for feature in node["features"] for ring in _rings(feature)]
+    if kind == "Feature":
+        return _rings(node["geometry"])
+    if kind == "GeometryCollection":
+        return [ring for geometry in node["geometries"] for ring in _rings(geometry)]
+    if kind == "Polygon":
+        return list(node["coordinates"])
+    if kind == "MultiPolygon":
+        return [ring for polygon in node["coordinates"] for ring in polygon]
+    raise ValueError(f"{kind!r} is neither Polygon nor MultiPolygon")
+
+
+def inside(rings: list[Float[np.ndarray, "vertices 2"]], shape: tuple[int, int]) -> Bool[np.ndarray, "y x"]:
+    """Pixels of which the centre lies inside: a ray to the left crosses the rings an odd number of times."""
+    lines, samples = shape
+    used = np.zeros(shape, bool)
+    start = np.concatenate(rings)
+    end = np.concatenate([np.roll(ring, -1, axis=0) for ring in rings])
+    centres = np.arange(samples) + 0.5
+    for line in range(max(0, int(start[:, 1].min()) - 1), min(lines, int(start[:, 1].max()) + 2)):
+        y = line + 0.5
+        # Half-open, so that a vertex on the line counts once.
+        met = (start[:, 1] <= y) != (end[:, 1] <= y)
+        if met.any():
+            (xa, ya), (xb, yb) = start[met].T, end[met].T
+            crossings = np.sort(xa + (y - ya) / (yb - ya) * (xb - xa))
+            used[line] = np.searchsorted(crossings, centres, side="right") % 2 == 1
+    return used
+
+
+class Spot(NamedTuple):
+    """Mean spectrum of a part of an image.
+
+    Attributes:
+        wavelengths: (bands,), nm.
+        reflectance: (bands,), mean over the pixels that have data; NaN where none has.
+        deviation: (bands,), standard deviation of one pixel about that mean; NaN where fewer than two have data.
+        pixels: how many have data at any band.
+    """
+
+    wavelengths: Float[np.ndarray, "bands"]
+    reflectance: Float[np.ndarray, "bands"]
+    deviation: Float[np.ndarray, "bands"]
+    pixels: int
+
+
+_SPOT = re.compile(r"\s*(\d+)(?:\s*:\s*(\d+))?\s*,\s*(\d+)(?:\s*:\s*(\d+))?\s*")
+
+
+def read_spot(cube: "xarray.DataArray", spot: str | Path) -> Spot:
+    """Mean spectrum of a pixel, of a box or of a mask of a cube; readings that are missing or saturated are left out.
+
+    Args:
+        cube: what `open_cube` gave.
+        spot: ``x,y`` or ``x0:x1,y0:y1`` in pixels of the cube as it was opened, from 0 on, ends not included; or a file
+            that `read_mask` reads.
+
+    Raises:
+        FileNotFoundError: neither a place nor a file.
+        ValueError: the place lies outside of the cube, or has no data.
+    """
+    lines, samples = cube.shape[:2]
+    match = _SPOT.fullmatch(str(spot))
+    if match is None or is_there(spot):
+        if not is_there(spot):
+            raise FileNotFoundError(f"{str(spot)!r} is neither a place such as 120,45 or 100:140,30:60, nor a file")
+        used = read_mask(spot, cube)
+    else:
+        x0, y0 = int(match[1]), int(match[3])
+        x1, y1 = int(match[2] or x0 + 1), int(match[4] or y0 + 1)
+        if not (x0 < x1 <= samples and y0 < y1 <= lines):
+            raise ValueError(
+                f"the spot {spot} does not lie in the image: x goes from 0 to {samples}, y from 0 to {lines}"
+            )
+        used = np.zeros((lines, samples), bool)
+        used[y0:y1, x0:x1] = True
+    rows, columns = np.flatnonzero(used.any(axis=1)), np.flatnonzero(used.any(axis=0))
+    x = slice(int(columns[0]), int(columns[-1]) + 1)
+    bands = cube.sizes["wavelength"]
+    count, total, square = np.zeros(bands), np.zeros(bands), np.zeros(bands)
+    shift, pixels = np.zeros(bands), 0
+    top = cube.attrs.get("saturated", np.inf)
+    step = max(1, (1 << 22) // max(1, (x.stop - x.start) * bands))
+    for start in range(int(rows[0]), int(rows[-1]) + 1, step):
+        y = slice(start, min(start + step, int(rows[-1]) + 1))
+        values = cube.isel(y=y, x=x).values[used[y, x]].astype(np.float64)
+        there = np.isfinite(values) & (values < top)
+        if not pixels and there.any():
+            # About a mean of the first part, so that squares lose no digits.
+            shift = np.where(there, values, 0).sum(axis=0) / np.maximum(there.sum(axis=0), 1)
+        values = np.where(there, values - shift, 0.0)
+        count += there.sum(axis=0)
+        total += values.sum(axis=0)
+        square += (values**2).sum(axis=0)
+        pixels += int(there.any(axis=1).sum())
+    if not pixels:
+        raise ValueError(f"the spot {spot} has no data: all readings are missing or saturated")
+    with np.errstate(invalid="ignore", divide="ignore"):
+        mean = total / count
+        deviation = np.where(count > 1, np.sqrt(np.maximum(square - total * mean, 0) / (count - 1)), np.nan)
+    return Spot(np.asarray(cube["wavelength"].values, np.float64), mean + shift, deviation, pixels)

@@ -1,0 +1,139 @@
+"""What every kind of file gives: its own numbers on disk, and what it says of them."""
+
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float, Int
+
+from ..cube import is_mark
+
+
+class OnDisk:
+    """Array of a file, opened when it is first read from, and again in every process that it is sent to.
+
+    Args:
+        opener: function that opens it; it must be found by its name, so that it can be sent.
+        arguments: of the opener.
+        one_at_a_time: whether reads must not overlap (two threads that share a file's position).
+    """
+
+    def __init__(self, opener: Callable[..., Any], *arguments: Any, one_at_a_time: bool = False):
+        self._call = opener, arguments, one_at_a_time
+        self._array: Any = None
+        self._opening = threading.Lock()
+        self._reading = threading.Lock() if one_at_a_time else None
+
+    @property
+    def array(self) -> Any:
+        """The open array: something with a shape and a dtype that slices are taken from."""
+        with self._opening:
+            if self._array is None:
+                opener, arguments, _ = self._call
+                self._array = opener(*arguments)
+        return self._array
+
+    def __getitem__(self, key: tuple[slice, ...]) -> np.ndarray:
+        array = self.array
+        if self._reading is None:
+            return np.asarray(array[key])
+        with self._reading:
+            return np.asarray(array[key])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        opener, arguments, one_at_a_time = self._call
+        return _on_disk, (opener, arguments, one_at_a_time)
+
+
+def _on_disk(opener: Callable[..., Any], arguments: tuple[Any, ...], one_at_a_time: bool) -> OnDisk:
+    """What a sent array becomes where it arrives."""
+    return OnDisk(opener, *arguments, one_at_a_time=one_at_a_time)
+
+
+@dataclass(frozen=True)
+class RawCube:
+    """An image as a reader found it: nothing is scaled, sorted or left out.
+
+    Attributes:
+        path: file, for the errors.
+        format: what it is.
+        data: its numbers, in the file's order of axes.
+        order: which axis of `data` is y, which x, which the wavelength.
+        shape: lines, samples, stored bands.
+        dtype: of the numbers.
+        piece: (y, x, bands) that the file stores together; 1 where any window can be read as it is.
+        wavelengths: (stored bands,), nm, in the file's order; None where the file has none.
+        good: the stored bands that are not marked as bad.
+        gain: a stored number times this plus `offset` is the value.
+        offset: see `gain`.
+        scale: value that stands for a reflectance of 1, if the file says so.
+        ignore: stored numbers that mark missing data.
+        notes: what the reader noticed.
+        y: (lines,), the file's own coordinates, or None.
+        x: (samples,), likewise.
+        about_place: attributes of both coordinates: ``units``, ``pixel_size``.
+        attributes: what else is worth keeping, such as ``crs_wkt``.
+    """
+
+    path: Path
+    format: str
+    data: OnDisk
+    order: tuple[int, int, int]
+    shape: tuple[int, int, int]
+    dtype: np.dtype[Any]
+    piece: tuple[int, int, int] = (1, 1, 1)
+    wavelengths: Float[np.ndarray, "stored"] | None = None
+    good: Int[np.ndarray, "good"] | None = None
+    gain: float = 1.0
+    offset: float = 0.0
+    scale: float | None = None
+    ignore: tuple[float, ...] = ()
+    notes: tuple[str, ...] = ()
+    y: Float[np.ndarray, "lines"] | None = None
+    x: Float[np.ndarray, "samples"] | None = None
+    about_place: Mapping[str, Any] = field(default_factory=dict)
+    attributes: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def top(self) -> float | None:
+        """Stored number of a saturated reading: the largest of an integer type of a detector; None for floats."""
+        if self.dtype.kind not in "iu" or self.dtype.itemsize > 2:
+            return None
+        top = float(np.iinfo(self.dtype).max)
+        return None if top in self.ignore else top
+
+    def block(self, y: slice, x: slice, bands: Int[np.ndarray, "bands"]) -> np.ndarray:
+        """Stored numbers, (y, x, bands), in the file's type; a view of the file where it is mapped into memory."""
+        first = int(bands.min())
+        run = slice(first, int(bands.max()) + 1)
+        keys: list[slice] = [slice(None)] * 3
+        for axis, key in zip(self.order, (y, x, run), strict=True):
+            keys[axis] = key
+        part = self.data[tuple(keys)].transpose(self.order)
+        if bands.size == run.stop - first and bool((np.diff(bands) == 1).all()):
+            return part
+        return part[..., bands - first]
+
+    def values(self, y: slice, x: slice, bands: Int[np.ndarray, "bands"], *, mark: bool = False) -> np.ndarray:
+        """Values (stored numbers by gain and offset) as floats that hold them; NaN where data are missing.
+
+        Args:
+            y: lines.
+            x: samples.
+            bands: stored bands.
+            mark: whether saturated readings become +inf.
+        """
+        stored = self.block(y, x, bands)
+        # float32 holds all numbers of 16 bits; the larger types take float64.
+        values = stored.astype(np.result_type(self.dtype.newbyteorder("="), np.float32))
+        for number in self.ignore:
+            values[is_mark(stored, number)] = np.nan
+        if mark and self.top is not None:
+            values[stored == self.top] = np.inf
+        if self.gain != 1.0 or self.offset != 0.0:
+            values *= self.gain
+            values += self.offset
+        return values

@@ -1,0 +1,136 @@
+"""Images in files that hold named arrays: zarr 2 and 3, NetCDF 4 and 3, HDF5."""
+
+import warnings
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from ...extras import require
+from ..source import explained, refusal
+from .entries import Entry, describe
+from .raw import OnDisk, RawCube
+
+
+def zarr_cube(path: Path, dataset: str | None, count: int | None) -> RawCube:
+    """Array of a zarr store (2 or 3), or a store that is an array itself; only the chunks that are needed are read.
+
+    Raises:
+        ValueError: no store, or no array in it that can be meant.
+    """
+    require("zarr")
+    import zarr
+
+    with explained(path):
+        try:
+            opened = zarr.open(str(path), mode="r")
+        except (KeyError, ValueError, FileNotFoundError) as error:
+            raise refusal(path, f"not a zarr store: {error}") from None
+    arrays = {"": opened} if isinstance(opened, zarr.Array) else dict(_members(opened))
+    entries = [_zarr_entry(name, array) for name, array in arrays.items()]
+    return describe(path, "zarr", entries, dataset, count, partial(OnDisk, _zarr_array, path))
+
+
+def _members(group: Any) -> list[tuple[str, Any]]:
+    """Arrays of a group and of the groups in it, by their paths."""
+    return [(name, array) for name, array in group.members(max_depth=None) if hasattr(array, "shape")]
+
+
+def _zarr_entry(name: str, array: Any) -> Entry:
+    attributes = dict(array.attrs)
+    old = attributes.get("_ARRAY_DIMENSIONS")
+    # xarray's mark of missing data is the fill value of zarr 2, and an attribute in zarr 3.
+    if old is not None and array.fill_value is not None:
+        attributes.setdefault("_FillValue", array.fill_value)
+    names = getattr(array.metadata, "dimension_names", None) or old or (None,) * array.ndim
+    return Entry(name, tuple(array.shape), array.dtype, tuple(names), attributes, tuple(array.chunks), array)
+
+
+def _zarr_array(path: Path, name: str) -> Any:
+    import zarr
+
+    opened: Any = zarr.open(str(path), mode="r")
+    return opened[name] if name else opened
+
+
+def hdf5_cube(path: Path, dataset: str | None, count: int | None) -> RawCube:
+    """Array of an HDF5 file, such as NetCDF 4.
+
+    Raises:
+        ValueError: the file is not whole, or holds no array that can be meant.
+    """
+    require("h5py")
+    import h5py
+
+    entries: list[Entry] = []
+
+    def visit(name: str, node: Any) -> None:
+        if isinstance(node, h5py.Dataset) and node.shape is not None:
+            entries.append(_hdf5_entry(name, node))
+
+    with explained(path):
+        try:
+            with h5py.File(path, "r") as file:
+                file.visititems(visit)
+                return describe(path, "HDF5", entries, dataset, count, partial(_hdf5, path))
+        except OSError as error:
+            raise refusal(path, f"not a whole HDF5 file: {error}") from None
+
+
+def _hdf5_entry(name: str, node: Any) -> Entry:
+    names = [axis[0].name if len(axis) else axis.label or None for axis in node.dims]
+    attributes = {title: node.attrs[title] for title in node.attrs if title not in _OWN}
+    # A dimension of NetCDF that has no coordinates is a scale of zeros.
+    real = not str(node.attrs.get("NAME", b"")).lstrip("b'").startswith("This is a netCDF dimension but not")
+    chunks = node.chunks or (1,) * node.ndim
+    return Entry(name if real else "", tuple(node.shape), node.dtype, tuple(names), attributes, chunks, node)
+
+
+# Attributes by which HDF5 ties axes together.
+_OWN = ("DIMENSION_LIST", "REFERENCE_LIST", "CLASS", "NAME")
+
+
+def _hdf5(path: Path, name: str) -> OnDisk:
+    return OnDisk(_hdf5_array, path, name, one_at_a_time=True)
+
+
+def _hdf5_array(path: Path, name: str) -> Any:
+    import h5py
+
+    return h5py.File(path, "r")[name]
+
+
+def classic_cube(path: Path, dataset: str | None, count: int | None) -> RawCube:
+    """Variable of a classic NetCDF file (3), mapped into memory.
+
+    Raises:
+        ValueError: the file is not whole, or holds no variable that can be meant.
+    """
+    entries = []
+    for name, variable in _classic(path, lambda file: dict(file.variables)).items():
+        attributes = dict(variable._attributes)
+        sizes = tuple(variable.data.shape)
+        entries.append(
+            Entry(name, sizes, variable.data.dtype, variable.dimensions, attributes, (1,) * len(sizes), variable.data)
+        )
+    return describe(path, "NetCDF 3", entries, dataset, count, partial(OnDisk, _classic_array, path))
+
+
+def _classic_array(path: Path, name: str) -> Any:
+    return _classic(path, lambda file: file.variables[name].data)
+
+
+def _classic(path: Path, take: Callable[[Any], Any]) -> Any:
+    """What is taken from a classic file; arrays stay mapped after it is closed."""
+    from scipy.io import netcdf_file
+
+    with explained(path), warnings.catch_warnings():
+        # SciPy warns that arrays outlive the file, which is what is wanted.
+        warnings.simplefilter("ignore", RuntimeWarning)
+        try:
+            file = netcdf_file(str(path), "r", mmap=True)
+            found = take(file)
+            file.close()
+        except (ValueError, TypeError, IndexError) as error:
+            raise refusal(path, f"not a whole NetCDF file: {error}") from None
+    return found

@@ -1,0 +1,202 @@
+"""Images in TIFF: one file with a page a band (or all bands in each pixel), or a folder with a file a band."""
+
+import contextlib
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from ...extras import require
+from ..source import explained, refusal
+from ..spectra_table import listed
+from .axes import axes_of
+from .raw import OnDisk, RawCube
+
+_NM = re.compile(r"(?<![\d.])(\d{3,4}(?:\.\d+)?)[ _]?nm", re.IGNORECASE)
+_DIGITS = re.compile(r"\d+(?:\.\d+)?")
+# Wavelengths that a bare number in a file's name can be, nm.
+_LEAST, _MOST = 200.0, 2600.0
+
+
+class Planes:
+    """Bands that lie apart, each an image of its own, as one array (band, y, x)."""
+
+    def __init__(self, planes: list[Any]):
+        self.planes = planes
+
+    def __getitem__(self, key: tuple[slice, slice, slice]) -> np.ndarray:
+        bands, y, x = key
+        return np.stack([np.asarray(plane[y, x]) for plane in self.planes[bands]])
+
+
+def tiff_cube(path: Path, count: int | None) -> RawCube:
+    """A TIFF of several bands; windows are read where the file allows it, else whole tiles, strips or pages.
+
+    Raises:
+        ValueError: not a whole TIFF, or not an image of several bands of one size and type.
+    """
+    import tifffile
+
+    with explained(path), _legal(path), tifffile.TiffFile(path) as file:
+        series = file.series[0]
+        wavelengths = _described(file)
+        place = _place(file)
+        if len(series.shape) == 3:
+            names = tuple({"Y": "y", "X": "x"}.get(letter, "band") for letter in series.axes)
+            order, shape = axes_of(series.shape, count, names)
+            piece = _piece(_array(path, None), order)
+            data = OnDisk(_array, path, None, one_at_a_time=piece != (1, 1, 1))
+            dtype = series.dtype
+        else:
+            pages = [page for page in file.pages]
+            sizes = {(page.shape, page.dtype) for page in pages}
+            if len(sizes) > 1 or len(pages[0].shape) != 2 or len(pages) < 2:
+                told = listed([f"{shape} {dtype}" for shape, dtype in sorted(sizes, key=str)])
+                raise refusal(path, f"not an image of several bands of one size and type: {len(pages)} pages of {told}")
+            order, shape = (1, 2, 0), (*pages[0].shape, len(pages))
+            piece = _piece(_array(path, 0), (0, 1, 0))
+            piece = (piece[0], piece[1], 1)
+            data = OnDisk(_pages, path, len(pages), one_at_a_time=piece != (1, 1, 1))
+            dtype = pages[0].dtype
+    _check_type(path, dtype)
+    if wavelengths is not None and wavelengths.size != shape[2]:
+        wavelengths = None
+    return RawCube(path, "TIFF", data, order, shape, dtype, piece, wavelengths, **place)
+
+
+def tiff_folder(path: Path, count: int | None) -> RawCube:
+    """A folder with a TIFF a band, wavelengths in their names (``band_450nm.tif``) or given in the order of the names.
+
+    Raises:
+        ValueError: no TIFF there, or they differ in size or type.
+    """
+    require("tifffile")
+    import tifffile
+
+    files = sorted(file for file in path.iterdir() if file.suffix.lower() in (".tif", ".tiff"))
+    if not files:
+        raise refusal(path, "a folder without an image: no zarr store, and no TIFF file in it")
+    wavelengths = None if count is not None else _named([file.stem for file in files])
+    if wavelengths is not None:
+        files = [files[i] for i in np.argsort(wavelengths, kind="stable")]
+        wavelengths = np.sort(wavelengths)
+    first = None
+    place: dict[str, Any] = {}
+    for file in files:
+        with explained(file), _legal(file), tifffile.TiffFile(file) as tiff:
+            page = tiff.pages[0]
+            size = (tuple(tiff.series[0].shape), tiff.series[0].dtype)
+            if first is None:
+                first, place = size, _place(tiff)
+                memory = page.is_memmappable
+            if len(size[0]) != 2 or size != first:
+                raise refusal(file, f"{size[0]} {size[1]} where {files[0].name} has {first[0]} {first[1]}")
+    assert first is not None
+    (lines, samples), dtype = first
+    _check_type(path, dtype)
+    piece = _piece(_array(files[0], None), (0, 1, 0))
+    data = OnDisk(_files, *files, one_at_a_time=not memory)
+    shape = (lines, samples, len(files))
+    return RawCube(
+        path, "folder of TIFFs", data, (1, 2, 0), shape, dtype, (piece[0], piece[1], 1), wavelengths, **place
+    )
+
+
+def _check_type(path: Path, dtype: Any) -> None:
+    if dtype is None or dtype.kind not in "fiu":
+        raise refusal(path, f"numbers of type {dtype}, not readings")
+
+
+class _legal:
+    """What tifffile says of a damaged file, as one sentence."""
+
+    def __init__(self, path: Path):
+        self.path = path
+
+    def __enter__(self) -> None:
+        require("tifffile")
+
+    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
+        from tifffile import TiffFileError
+
+        if isinstance(error, TiffFileError | IndexError | KeyError):
+            raise refusal(self.path, f"not a whole TIFF file: {error}") from None
+
+
+def _array(path: Path, page: int | None) -> Any:
+    """The first series (or one page) of a file: mapped into memory, or as tiles or strips that are read singly."""
+    import tifffile
+
+    with _legal(path):
+        try:
+            return tifffile.memmap(path, page=page, series=None if page is not None else 0, mode="r")
+        except ValueError:
+            import zarr
+
+            # The store keeps the file open.
+            file = tifffile.TiffFile(path)
+            store = file.aszarr(key=page) if page is not None else file.aszarr(series=0, level=0)
+            return zarr.open(store, mode="r")
+
+
+def _pages(path: Path, count: int) -> Planes:
+    return Planes([_array(path, number) for number in range(count)])
+
+
+def _files(*paths: Path) -> Planes:
+    return Planes([_array(path, None) for path in paths])
+
+
+def _piece(array: Any, order: tuple[int, int, int]) -> tuple[int, int, int]:
+    """What is read together, along y, x and wavelength."""
+    chunks = getattr(array, "chunks", None)
+    return (1, 1, 1) if chunks is None else (chunks[order[0]], chunks[order[1]], chunks[order[2]])
+
+
+def _described(file: Any) -> Float[np.ndarray, "stored"] | None:
+    """Wavelengths that a file says itself: in tifffile's or ImageJ's metadata, or with each page."""
+    for metadata in [*(file.shaped_metadata or ()), file.imagej_metadata or {}]:
+        for title in ("wavelengths", "wavelength", "Wavelengths", "Wavelength"):
+            value = metadata.get(title)
+            if isinstance(value, list | tuple) and all(isinstance(number, int | float) for number in value):
+                return np.asarray(value, np.float64)
+    texts = []
+    for page in file.pages:
+        tags = getattr(page, "tags", None)
+        names = [] if tags is None else [tags.valueof(285), tags.valueof(270)]
+        texts.append(" ".join(str(name) for name in names if name))
+    found = [_NM.findall(text) for text in texts]
+    if not all(len(set(each)) == 1 for each in found):
+        return None
+    return np.array([float(each[0]) for each in found])
+
+
+def _named(names: list[str]) -> Float[np.ndarray, "files"] | None:
+    """Wavelengths in the names of files: the number before ``nm``, else the last that can be one in all names."""
+    found = [_NM.findall(name) for name in names]
+    if all(found):
+        return np.array([float(each[-1]) for each in found])
+    found = [[float(word) for word in _DIGITS.findall(name)] for name in names]
+    if not all(each and _LEAST <= each[-1] <= _MOST for each in found):
+        return None
+    return np.array([each[-1] for each in found])
+
+
+def _place(file: Any) -> dict[str, Any]:
+    """Coordinates of a GeoTIFF, and GDAL's mark of missing data."""
+    page = file.pages[0]
+    tags = page.tags
+    found: dict[str, Any] = {}
+    with contextlib.suppress(ValueError):
+        found["ignore"] = (float(str(tags.valueof(42113)).strip("\0 ")),)
+    scale, tie = tags.valueof(33550), tags.valueof(33922)
+    if scale is None or tie is None or len(tie) != 6:
+        return found
+    point = int((file.geotiff_metadata or {}).get("GTRasterTypeGeoKey", 1)) == 2
+    half = 0.0 if point else 0.5
+    found["x"] = tie[3] + (np.arange(page.imagewidth) + half - tie[0]) * scale[0]
+    found["y"] = tie[4] - (np.arange(page.imagelength) + half - tie[1]) * scale[1]
+    found["about_place"] = {"units": "as in the file", "pixel_size": (float(scale[1]), float(scale[0]))}
+    return found

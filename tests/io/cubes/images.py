@@ -1,0 +1,116 @@
+"""Images of spectra that tests write with programs of others and open with ours."""
+
+import warnings
+
+import h5py
+import numpy as np
+import spectral.io.envi as spy
+import tifffile
+import xarray as xr
+
+WAVELENGTHS = (400.0, 410.0, 420.0, 430.0, 450.0, 470.0, 500.0)
+LINES, SAMPLES, BANDS = 23, 31, len(WAVELENGTHS)
+
+
+def image(seed=0, lines=LINES, samples=SAMPLES):
+    """Fractions of four digits, so that whole numbers and floats hold them alike."""
+    return np.random.default_rng(seed).integers(1, 10_000, (lines, samples, BANDS)) / 10_000
+
+
+def envi(folder, values, *, interleave="bsq", dtype="u2", order=0, name="image", wavelengths=WAVELENGTHS, **fields):
+    """Image that Spectral Python writes: whole numbers of 16 bits or more in ten thousandths."""
+    kind = np.dtype(dtype).kind
+    if kind != "f":
+        fields.setdefault("reflectance scale factor", 10_000)
+        values = np.round(values * float(fields["reflectance scale factor"]))
+    if wavelengths is not None:
+        fields["wavelength"] = list(wavelengths)
+    path = folder / f"{name}.hdr"
+    spy.save_image(
+        str(path),
+        values.astype(dtype),
+        dtype=dtype,
+        interleave=interleave,
+        byteorder=order,
+        metadata=fields,
+        force=True,
+    )
+    return path
+
+
+def labelled(values, wavelengths=WAVELENGTHS, **attributes):
+    """The same as a data set of xarray, with coordinates in millimetres."""
+    places = {
+        "wavelength": ("wavelength", np.asarray(wavelengths, float), {"units": "nm"}),
+        "y": ("y", np.arange(values.shape[0]) * 0.5, {"units": "mm"}),
+        "x": ("x", np.arange(values.shape[1]) * 0.5 + 7, {"units": "mm"}),
+    }
+    return xr.DataArray(values, places, ("y", "x", "wavelength"), "reflectance", attributes).to_dataset()
+
+
+PACKED = {"reflectance": {"dtype": "u2", "scale_factor": 1e-4, "_FillValue": 65535}}
+
+
+def zarr(folder, dataset, *, version=3, encoding=None, name="image.zarr"):
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of zarr, on consolidated metadata
+        dataset.to_zarr(folder / name, zarr_format=version, encoding=encoding or {}, mode="w")
+    return folder / name
+
+
+def hdf5(folder, values, *, dtype="f4", wavelengths=WAVELENGTHS, name="image.h5", **further):
+    """Cube in groups, as airborne spectrometers' files have it."""
+    path = folder / name
+    with h5py.File(path, "w") as file:
+        file.create_dataset("SITE/Reflectance/Reflectance_Data", data=values.astype(dtype), **further)
+        if wavelengths is not None:
+            spectral = file.create_dataset("SITE/Reflectance/Metadata/Spectral_Data/Wavelength", data=wavelengths)
+            spectral.attrs["Units"] = "nanometers"
+    return path
+
+
+def tiff(folder, values, *, name="image.tif", pages=False, **further):
+    """A page a band: as one series (BigTIFF, big-endian), or each page for itself and described."""
+    path = folder / name
+    planes = np.moveaxis(values, 2, 0).astype("f4")
+    if not pages:
+        tifffile.imwrite(
+            path, planes, byteorder=">", bigtiff=True, metadata={"wavelengths": list(WAVELENGTHS)}, **further
+        )
+        return path
+    with tifffile.TiffWriter(path) as writer:
+        for wavelength, plane in zip(WAVELENGTHS, planes, strict=True):
+            writer.write(plane, contiguous=False, description=f"filter {wavelength:g} nm", **further)
+    return path
+
+
+def tiffs(folder, values, *, form="band_{:g}nm.tif", **further):
+    """A file a band."""
+    path = folder / "bands"
+    path.mkdir()
+    for i, wavelength in enumerate(WAVELENGTHS):
+        tifffile.imwrite(path / form.format(wavelength), values[..., i].astype("f4"), **further)
+    return path
+
+
+def every(folder, values):
+    """The same image in every kind of file: what `open_cube` needs to open it."""
+    dataset = labelled(values.astype("f4"))
+    dataset.to_netcdf(folder / "new.nc", engine="h5netcdf", encoding={"reflectance": {"chunksizes": (8, 8, 3)}})
+    dataset.to_netcdf(folder / "old.nc", engine="scipy")
+    np.save(folder / "image.npy", values.astype("f4"))
+    return {
+        "envi": {"path": envi(folder, values, dtype="f4")},
+        "npy": {"path": folder / "image.npy", "wavelengths": WAVELENGTHS},
+        "zarr": {"path": zarr(folder, dataset, encoding={"reflectance": {"chunks": (8, 10, 3)}})},
+        "netcdf": {"path": folder / "new.nc"},
+        "classic": {"path": folder / "old.nc"},
+        "hdf5": {"path": hdf5(folder, values, chunks=(4, 9, 7))},
+        "tiff": {"path": tiff(folder, values)},
+        "packed tiff": {"path": tiff(folder, values, name="packed.tif", compression="zlib", tile=(16, 16))},
+        "pages": {"path": tiff(folder, values, name="pages.tif", pages=True, compression="zlib", rowsperstrip=5)},
+        "tiffs": {"path": tiffs(folder, values)},
+    }
+
+
+KINDS = ("envi", "npy", "zarr", "netcdf", "classic", "hdf5", "tiff", "packed tiff", "pages", "tiffs")

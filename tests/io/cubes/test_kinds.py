@@ -1,0 +1,277 @@
+"""Images of every kind, written by Spectral Python, xarray, h5netcdf, h5py, SciPy and tifffile."""
+
+import itertools
+
+import h5py
+import numpy as np
+import pytest
+import spectral.io.envi as spy
+import tifffile
+import zarr as zarr_package
+
+from glazejax.io import open_cube, read_cube
+
+from .images import (
+    KINDS,
+    LINES,
+    PACKED,
+    SAMPLES,
+    WAVELENGTHS,
+    envi,
+    every,
+    hdf5,
+    image,
+    labelled,
+    tiff,
+    tiffs,
+    zarr,
+)
+
+
+def agree(cube, values, atol=2e-7):
+    """Assert that a cube holds this, as a whole and in windows."""
+    assert cube.dims == ("y", "x", "wavelength")
+    assert cube.dtype == np.float32
+    np.testing.assert_array_equal(cube["wavelength"], WAVELENGTHS)
+    np.testing.assert_allclose(cube.values, values, rtol=0, atol=atol)
+    window = cube.isel(y=slice(5, 20, 4), x=slice(3, 17))
+    np.testing.assert_allclose(window.values, values[5:20:4, 3:17], rtol=0, atol=atol)
+    np.testing.assert_allclose(cube.isel(y=-2, wavelength=[4, 1]).values, values[-2][:, [4, 1]], rtol=0, atol=atol)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_kind_is_the_same_image(tmp_path, kind):
+    values = image()
+    cube = open_cube(**every(tmp_path, values)[kind])
+    agree(cube, values)
+    assert cube.attrs["shape_in_file"] == [*values.shape]
+    assert cube.attrs["unit"] == "fraction"
+    assert "saturated" not in cube.attrs
+
+
+@pytest.mark.parametrize(("interleave", "order"), list(itertools.product(("bsq", "bil", "bip"), (0, 1))))
+@pytest.mark.parametrize("dtype", ["u1", "i2", "i4", "f4", "f8", "u2", "u4", "i8", "u8"])
+def test_envi_of_every_interleave_order_and_type(tmp_path, interleave, order, dtype):
+    values = np.round(image() * 100) / 100 if dtype == "u1" else image()
+    scale = {"reflectance scale factor": 100} if dtype == "u1" else {}
+    path = envi(tmp_path, values, interleave=interleave, dtype=dtype, order=order, **scale)
+    agree(open_cube(path), values)
+    agree(open_cube(path.with_suffix(".img")), values)
+    read = np.asarray(spy.open(str(path)).load(scale=True))
+    np.testing.assert_allclose(open_cube(path).values, read, rtol=0, atol=1e-6)
+
+
+def test_envi_as_the_older_reader_gives_it(tmp_path):
+    values = image()
+    fields = {"bbl": [1, 0, 1, 1, 1, 1, 1], "data ignore value": 5, "wavelength units": "Micrometers"}
+    micrometres = np.array(WAVELENGTHS[::-1]) / 1000
+    path = envi(tmp_path, values, wavelengths=micrometres, **fields)
+    old, new = read_cube(path), open_cube(path)
+    np.testing.assert_allclose(new["wavelength"], old.wavelengths)
+    np.testing.assert_allclose(new.values, old[:, :], atol=1e-6)
+    assert new.attrs["notes"] == old.notes
+    assert any("micrometres" in note for note in new.attrs["notes"])
+    assert any("marks as bad" in note for note in new.attrs["notes"])
+    assert any("sorted" in note for note in new.attrs["notes"])
+
+
+def test_data_after_a_header_of_their_own(tmp_path):
+    values = image()
+    path = envi(tmp_path, values, interleave="bil", dtype="i2")
+    data = path.with_suffix(".img")
+    data.write_bytes(b"x" * 77 + data.read_bytes())
+    path.write_text(path.read_text().replace("header offset = 0", "header offset = 77"))
+    agree(open_cube(path), values)
+
+
+@pytest.mark.parametrize("dtype", ["u2", "f4"])
+def test_missing_data_are_nan(tmp_path, dtype):
+    values = image()
+    values[2, 3] = values[4, 5, 1] = 9 / 10_000 if dtype == "u2" else 0.25
+    cube = open_cube(envi(tmp_path, values, dtype=dtype, **{"data ignore value": 9 if dtype == "u2" else 0.25})).values
+    assert np.isnan(cube[2, 3]).all()
+    assert np.isnan(cube[4, 5, 1])
+    assert np.isfinite(cube[4, 5, 2])
+
+
+def test_percent_and_given_scales(tmp_path):
+    values = image()
+    assert open_cube(envi(tmp_path, values * 100, dtype="f4")).attrs["unit"] == "percent"
+    np.testing.assert_allclose(open_cube(tmp_path / "image.hdr").values, values, atol=1e-6)
+    envi(tmp_path, values * 5000, dtype="f4")
+    with pytest.raises(ValueError, match="neither fraction nor percent: give the scale"):
+        open_cube(tmp_path / "image.hdr")
+    np.testing.assert_allclose(open_cube(tmp_path / "image.hdr", scale=5000).values, values, atol=1e-6)
+
+
+def test_a_given_scale_goes_before_the_files_own(tmp_path):
+    cube = open_cube(envi(tmp_path, image()), scale=20_000)
+    np.testing.assert_allclose(cube.values, image() / 2, atol=1e-6)
+    assert any("10000 is a reflectance of 1; 20000 was given" in note for note in cube.attrs["notes"])
+
+
+@pytest.mark.parametrize(("dtype", "top"), [("u1", 2.55), ("u2", 6.5535), ("i2", 3.2767), ("f4", None), ("i4", None)])
+def test_saturated_is_the_types_largest_number(tmp_path, dtype, top):
+    scale = {"reflectance scale factor": 100} if dtype == "u1" else {}
+    assert open_cube(envi(tmp_path, image() * 0.9, dtype=dtype, **scale)).attrs.get("saturated") == (
+        None if top is None else pytest.approx(top)
+    )
+
+
+def test_a_mark_of_missing_data_is_not_saturated(tmp_path):
+    assert "saturated" not in open_cube(envi(tmp_path, image(), **{"data ignore value": 65535})).attrs
+
+
+def test_map_info_gives_coordinates(tmp_path):
+    info = ["UTM", "1", "1", "500000", "4000000", "2", "3", "33", "North", "WGS-84", "units=Meters"]
+    cube = open_cube(envi(tmp_path, image(), **{"map info": info, "coordinate system string": ['PROJCS["x"', "y]"]}))
+    np.testing.assert_allclose(cube["x"], 500_001 + 2 * np.arange(SAMPLES))
+    np.testing.assert_allclose(cube["y"], 3_999_998.5 - 3 * np.arange(LINES))
+    assert cube["x"].attrs == {"units": "meters", "pixel_size": 2.0}
+    assert cube["y"].attrs["pixel_size"] == 3.0
+    assert cube.attrs["crs_wkt"] == 'PROJCS["x", y]'
+    part = open_cube(tmp_path / "image.hdr", window=(4, 12, 6, 20), binning=(2, 2, 1))
+    np.testing.assert_allclose(part["x"], 500_000 + 2 * (6 + 1 + 2 * np.arange(7)))
+    assert part["x"].attrs["pixel_size"] == 4.0
+
+
+def test_without_coordinates_pixels_are_counted(tmp_path):
+    cube = open_cube(envi(tmp_path, image()), window=(4, 12, 6, 20))
+    np.testing.assert_allclose(cube["y"], np.arange(4, 12) + 0.5)
+    assert cube["x"].attrs == {"units": "pixel", "pixel_size": 1.0}
+    turned = ["Arbitrary", "1", "1", "0", "0", "0.1", "0.1", "units=Millimeters", "rotation=30"]
+    cube = open_cube(envi(tmp_path, image(), **{"map info": turned}))
+    np.testing.assert_allclose(cube["x"], np.arange(SAMPLES) + 0.5)
+
+
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize("dims", list(itertools.permutations(("y", "x", "wavelength"))))
+def test_zarr_of_both_versions_in_any_order(tmp_path, version, dims):
+    values = image()
+    values[3, 4] = np.nan
+    dataset = labelled(values).transpose(*dims)
+    cube = open_cube(zarr(tmp_path, dataset, version=version, encoding=PACKED))
+    agree(cube, values, atol=2e-7)
+    agree(open_cube(zarr(tmp_path, dataset, version=version, name="plain.zarr")), values)
+    np.testing.assert_allclose(cube["x"], np.arange(SAMPLES) * 0.5 + 7)
+    assert cube["y"].attrs == {"units": "mm", "pixel_size": 0.5}
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_zarr_that_is_an_array(tmp_path, version):
+    values = image()
+    values[1, 1] = 0
+    store = zarr_package.create_array(
+        tmp_path / "a.zarr", shape=values.shape, dtype="u2", chunks=(7, 9, 7), zarr_format=version
+    )
+    store[...] = np.round(values * 10_000)
+    cube = open_cube(tmp_path / "a.zarr", wavelengths=WAVELENGTHS, scale=10_000)
+    agree(cube, values)  # the fill value of a plain array, 0, is no mark of missing data
+    assert cube.encoding["preferred_chunks"] == {"y": 7, "x": 9, "wavelength": 7}
+
+
+def test_zeros_of_xarrays_integers_are_data(tmp_path):
+    values = np.round(image() * 100).astype("u1")
+    values[1, 1] = 0
+    for version in (2, 3):
+        path = zarr(tmp_path, labelled(values, units="percent"), version=version, name=f"{version}.zarr")
+        agree(open_cube(path), values / 100)
+
+
+@pytest.mark.parametrize("engine", ["h5netcdf", "scipy"])
+def test_netcdf_with_packed_numbers(tmp_path, engine):
+    values = image()
+    values[3, 4] = np.nan
+    packing = {"reflectance": PACKED["reflectance"] | {"dtype": "i2", "scale_factor": 1 / 30_000, "_FillValue": -1}}
+    packing["reflectance"]["add_offset"] = 0.01
+    labelled(values).to_netcdf(tmp_path / "a.nc", engine=engine, encoding=packing)
+    agree(open_cube(tmp_path / "a.nc"), values, atol=2e-5)
+
+
+def test_netcdf_without_coordinates(tmp_path):
+    labelled(image()).drop_vars(["y", "x"]).to_netcdf(tmp_path / "a.nc", engine="h5netcdf")
+    cube = open_cube(tmp_path / "a.nc")
+    agree(cube, image())
+    np.testing.assert_allclose(cube["y"], np.arange(LINES) + 0.5)
+
+
+def test_hdf5_in_groups_with_its_own_scale(tmp_path):
+    values = image()
+    path = hdf5(tmp_path, np.round(values * 10_000), dtype="i2", chunks=(8, 8, 7))
+    with h5py.File(path, "a") as file:
+        data = file["SITE/Reflectance/Reflectance_Data"]
+        data[2, 3] = -9999
+        data.attrs["Scale_Factor"], data.attrs["Data_Ignore_Value"] = 10_000.0, -9999.0
+        file.create_dataset("SITE/Reflectance/Metadata/angles", data=np.zeros((LINES, SAMPLES, 2)))
+    values[2, 3] = np.nan
+    agree(open_cube(path), values)
+    agree(open_cube(path, dataset="Reflectance_Data"), values)
+    agree(open_cube(path, dataset="/SITE/Reflectance/Reflectance_Data"), values)
+
+
+def test_bands_that_a_file_marks_as_bad(tmp_path):
+    path = hdf5(tmp_path, image())
+    with h5py.File(path, "a") as file:
+        file.create_dataset("SITE/bbl", data=[1, 1, 0, 1, 1, 1, 1])
+    assert open_cube(path)["wavelength"].values.tolist() == [400, 410, 430, 450, 470, 500]
+
+
+@pytest.mark.parametrize("further", [{}, {"compression": "zlib"}, {"tile": (16, 16)}])
+@pytest.mark.parametrize("pages", [False, True])
+def test_tiff(tmp_path, further, pages):
+    values = image()
+    agree(open_cube(tiff(tmp_path, values, pages=pages, **further)), values)
+
+
+def test_tiff_with_all_bands_in_each_pixel(tmp_path):
+    values = image()
+    tifffile.imwrite(tmp_path / "a.tif", values.astype("f4"), planarconfig="contig", photometric="minisblack")
+    agree(open_cube(tmp_path / "a.tif", wavelengths=WAVELENGTHS), values)
+
+
+@pytest.mark.parametrize("form", ["band_{:g}nm.tif", "{:g} nm exposure 12.TIF", "2024-05-03_{:g}.tiff"])
+def test_folder_of_tiffs_named_by_wavelength(tmp_path, form):
+    values = image()
+    agree(open_cube(tiffs(tmp_path, values, form=form)), values)
+
+
+def test_folder_of_tiffs_with_given_wavelengths(tmp_path):
+    values = image()
+    path = tiffs(tmp_path, values, form="f{:04.0f}.tif", compression="zlib")
+    (tmp_path / "nm.txt").write_text("# filters\n" + "\n".join(str(w + 5) for w in WAVELENGTHS))
+    cube = open_cube(path, wavelengths=tmp_path / "nm.txt")
+    np.testing.assert_allclose(cube["wavelength"], np.array(WAVELENGTHS) + 5)
+    np.testing.assert_allclose(cube.values, values, atol=1e-6)
+
+
+def test_geotiff(tmp_path):
+    tags = [(33550, "d", 3, (2.0, 3.0, 0.0), True), (33922, "d", 6, (0, 0, 0, 5000.0, 900.0, 0), True)]
+    tags.append((42113, "s", 0, "-1", True))
+    values = image()
+    values[0, 0] = -1
+    cube = open_cube(tiff(tmp_path, values, extratags=tags))
+    np.testing.assert_allclose(cube["x"], 5001 + 2 * np.arange(SAMPLES))
+    np.testing.assert_allclose(cube["y"], 898.5 - 3 * np.arange(LINES))
+    assert np.isnan(cube.values[0, 0]).all()
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_npy_with_the_wavelength_on_any_axis(tmp_path, axis):
+    values = image()
+    np.save(tmp_path / "a.npy", np.moveaxis(values, 2, axis))
+    agree(open_cube(tmp_path / "a.npy", wavelengths=WAVELENGTHS), values)
+
+
+def test_repeated_and_unsorted_wavelengths(tmp_path):
+    values = image()
+    path = envi(tmp_path, values, wavelengths=(500, 400, 410, 410, 450, 430, 470))
+    cube = open_cube(path)
+    assert cube["wavelength"].values.tolist() == [400, 410, 430, 450, 470, 500]
+    np.testing.assert_allclose(cube.values, values[..., [1, 2, 5, 4, 6, 0]], atol=1e-6)
+    assert "1 bands repeat a wavelength (410 nm) and are left out" in cube.attrs["notes"]
+
+
+def test_limits_of_wavelength(tmp_path):
+    cube = open_cube(envi(tmp_path, image()), bands=(410, 450))
+    assert cube["wavelength"].values.tolist() == [410, 420, 430, 450]
+    np.testing.assert_allclose(cube.values, image()[..., 1:5], atol=1e-6)

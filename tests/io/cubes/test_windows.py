@@ -1,0 +1,233 @@
+"""Windows, bins and limits are what NumPy makes of the whole image; little is read, by many threads and processes."""
+
+import multiprocessing
+import os
+import pickle
+import tracemalloc
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+import spectral.io.envi as spy
+import tifffile
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from glazejax.io import CubeSource, open_cube
+
+from .images import BANDS, KINDS, LINES, SAMPLES, WAVELENGTHS, every, image, labelled, zarr
+
+
+def gappy():
+    """An image of which some readings, a pixel, and a line are missing."""
+    values = image(3)
+    values[np.random.default_rng(4).random(values.shape) < 0.1] = np.nan
+    values[6, 7] = np.nan
+    values[11] = np.nan
+    return values
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    return every(tmp_path_factory.mktemp("files"), gappy())
+
+
+def binned(values, each):
+    """Means that ignore NaN, bin by bin, in a plain loop."""
+    sizes = [n // k for n, k in zip(values.shape, each, strict=True)]
+    result = np.full(sizes, np.nan)
+    for place in np.ndindex(*sizes):
+        part = values[tuple(slice(i * k, (i + 1) * k) for i, k in zip(place, each, strict=True))]
+        part = part[~np.isnan(part)]
+        if part.size:
+            result[place] = part.mean()
+    return result
+
+
+def spans(size):
+    return st.tuples(st.integers(0, size - 1), st.integers(1, size)).filter(lambda pair: pair[0] < pair[1])
+
+
+def slices(size):
+    return st.slices(size)
+
+
+@settings(max_examples=150)
+@given(data=st.data(), kind=st.sampled_from(KINDS))
+def test_windows_bins_and_slices_are_those_of_numpy(files, data, kind):
+    (y0, y1), (x0, x1) = data.draw(spans(LINES), "y"), data.draw(spans(SAMPLES), "x")
+    each = (
+        data.draw(st.integers(1, min(5, y1 - y0))),
+        data.draw(st.integers(1, min(5, x1 - x0))),
+        data.draw(st.integers(1, 4)),
+    )
+    cube = open_cube(**files[kind], window=(y0, y1, x0, x1), binning=each)
+    expected = binned(gappy()[y0:y1, x0:x1], each)
+    assert cube.shape == expected.shape
+    np.testing.assert_allclose(cube.values, expected, rtol=0, atol=3e-7)
+    key = tuple(data.draw(slices(n) | st.integers(0, n - 1) | st.lists(st.integers(0, n - 1))) for n in expected.shape)
+    part = cube.isel(dict(zip(cube.dims, key, strict=True)))
+    for axis in (2, 1, 0):  # one axis at a time, as xarray does
+        expected = expected[(slice(None),) * axis + (key[axis],)]
+    np.testing.assert_allclose(part.values, expected, rtol=0, atol=3e-7)
+    # In the reader's small pieces as in one.
+    np.testing.assert_allclose(cube["y"][: cube.shape[0]], y0 + (np.arange(cube.shape[0]) + 0.5) * each[0]) if kind in (
+        "envi",
+        "npy",
+        "hdf5",
+        "tiff",
+    ) else None
+
+
+def test_bins_of_wavelength_have_the_mean_wavelength(files):
+    cube = open_cube(**files["envi"], binning=(1, 1, 3), bands=(400, 470))
+    np.testing.assert_allclose(cube["wavelength"], [410, 450])
+    assert cube.attrs["binning"] == [1, 1, 3]
+
+
+def test_what_does_not_fill_a_bin_is_said(files):
+    notes = " | ".join(open_cube(**files["envi"], binning=(4, 4, 3)).attrs["notes"])
+    for words in (
+        f"{LINES % 4} lines at the end",
+        f"{SAMPLES % 4} samples at the end",
+        f"{BANDS % 3} bands at the red end",
+    ):
+        assert words in notes
+
+
+def test_scattered_points(files):
+    import xarray as xr
+
+    y, x = xr.DataArray([3, 20, 7], dims="point"), xr.DataArray([30, 2, 2], dims="point")
+    for kind in KINDS:
+        values = open_cube(**files[kind]).isel(y=y, x=x).values
+        np.testing.assert_allclose(values, gappy()[[3, 20, 7], [30, 2, 2]], atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_many_threads_read_the_same_cube(files, kind):
+    cube, expected = open_cube(**files[kind]), gappy()
+
+    def read(seed):
+        rng = np.random.default_rng(seed)
+        y, x = rng.integers(0, LINES - 3), rng.integers(0, SAMPLES - 3)
+        found = cube.isel(y=slice(y, y + 3), x=slice(x, x + 3)).values
+        return np.allclose(found, expected[y : y + 3, x : x + 3], atol=1e-6, equal_nan=True)
+
+    with ThreadPoolExecutor(8) as pool:
+        assert all(pool.map(read, range(200)))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_sources_and_cubes_can_be_sent(files, kind):
+    further = dict(files[kind])
+    path = further.pop("path")
+    source = CubeSource(path, **further, window=(2, 20, 3, 30), binning=(2, 1, 2))
+    expected = binned(gappy()[2:20, 3:30], (2, 1, 2))
+    cube = source.open()
+    cube.isel(y=0).values  # noqa: B018
+    sent = pickle.dumps((source, cube))
+    assert len(sent) < 20_000
+    again, open_again = pickle.loads(sent)
+    assert again == source
+    assert hash(again) == hash(source)
+    np.testing.assert_allclose(again.open().values, expected, atol=1e-6)
+    np.testing.assert_allclose(open_again.values, expected, atol=1e-6)
+
+
+def total(source):
+    return float(np.nansum(source.open().values))
+
+
+def test_another_process_reads_the_same(files):
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+        sources = [CubeSource(files[kind]["path"]) for kind in ("envi", "zarr", "netcdf", "packed tiff")]
+        for found in pool.map(total, sources):
+            assert found == pytest.approx(np.nansum(gappy()), rel=1e-6)
+
+
+@pytest.mark.parametrize("interleave", ["bsq", "bil", "bip"])
+def test_a_window_of_a_large_image_takes_its_own_memory_only(tmp_path, interleave):
+    fields = {"lines": 8000, "samples": 5000, "bands": 200, "data type": 12, "interleave": interleave}
+    further = {"wavelength": list(range(400, 1000, 3)), "reflectance scale factor": 10_000, "byte order": 0}
+    spy.create_image(str(tmp_path / "big.hdr"), fields | further, force=True)  # 16 GB of holes
+    tracemalloc.start()
+    cube = open_cube(tmp_path / "big.hdr")
+    opening = tracemalloc.get_traced_memory()[1]
+    tracemalloc.reset_peak()
+    values = cube.isel(y=slice(4000, 4256), x=slice(100, 356)).values
+    reading = tracemalloc.get_traced_memory()[1]
+    tracemalloc.reset_peak()
+    coarse = open_cube(tmp_path / "big.hdr", binning=(64, 64, 5)).isel(y=3, x=slice(2, 6)).values
+    binning = tracemalloc.get_traced_memory()[1] - values.nbytes
+    tracemalloc.stop()
+    assert values.shape == (256, 256, 200)
+    assert coarse.shape == (4, 40)
+    assert opening < 20e6
+    assert reading < values.nbytes + 16e6
+    assert binning < 60e6
+
+
+def read_bytes():
+    """What this process has asked the system to read."""
+    told = Path("/proc/self/io")
+    if not told.exists():
+        pytest.skip("the system does not count what is read")
+    return int(told.read_text().split("rchar: ")[1].split()[0])
+
+
+@pytest.mark.parametrize("kind", ["zarr", "netcdf", "tiff", "pages"])
+def test_a_window_reads_its_own_chunks_only(tmp_path, kind):
+    values = np.random.default_rng(0).random((256, 256, BANDS), np.float32)
+    values[0, 0] = 0.5
+    if kind == "zarr":
+        path = zarr(tmp_path, labelled(values), encoding={"reflectance": {"chunks": (32, 32, BANDS)}})
+    elif kind == "netcdf":
+        path = tmp_path / "a.nc"
+        chunks = {"chunksizes": (32, 32, BANDS), "zlib": True}
+        labelled(values).to_netcdf(path, engine="h5netcdf", encoding={"reflectance": chunks})
+    else:
+        path = tmp_path / "a.tif"
+        with tifffile.TiffWriter(path) as writer:
+            for i, wavelength in enumerate(WAVELENGTHS):
+                writer.write(
+                    values[..., i], contiguous=False, description=f"{wavelength:g} nm", compression="zlib",
+                    tile=(32, 32) if kind == "tiff" else None, rowsperstrip=32 if kind == "pages" else None,
+                )  # fmt: skip
+    cube = open_cube(path, scale=1)
+    cube.isel(y=0, x=0).values  # noqa: B018 - opens the file
+    before = read_bytes()
+    np.testing.assert_array_equal(cube.isel(y=slice(64, 128), x=slice(32, 64)).values, values[64:128, 32:64])
+    part = read_bytes() - before
+    # Two chunks of 28 kB, or two strips of eight chunks' width; a little is the system's own.
+    assert part < (8 if kind == "pages" else 1) * 2 * 32 * 32 * BANDS * 4 * 1.3 + 10_000
+    assert part < 0.3 * values.nbytes
+
+
+def test_pieces_that_a_file_stores_are_read_once(tmp_path, monkeypatch):
+    """Strips of the reader end where chunks do."""
+    values = image(lines=200, samples=400)
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file.create_dataset("cube", data=values, chunks=(70, 400, BANDS))
+    cube = open_cube(path, wavelengths=WAVELENGTHS, window=(30, 190, 0, 400))
+    monkeypatch.setattr("glazejax.io.cubes.lazy._AT_ONCE", 1000)
+    reading = cube.variable._data.array.reading  # pyright: ignore
+    strips = list(reading._strips(range(160), 400 * BANDS))
+    assert [(part.start + 30, part.stop + 30) for part in strips] == [(30, 70), (70, 140), (140, 190)]
+    np.testing.assert_allclose(cube.values, values[30:190], atol=1e-6)
+    coarse = open_cube(path, wavelengths=WAVELENGTHS, window=(30, 190, 0, 400), binning=(3, 2, 1))
+    np.testing.assert_allclose(coarse.values, binned(values[30:190], (3, 2, 1)), atol=1e-6)
+
+
+def test_nothing_is_read_before_it_is_asked_for(files, monkeypatch):
+    from glazejax.io.cubes.raw import RawCube
+
+    cube = open_cube(**files["envi"])
+    monkeypatch.setattr(RawCube, "block", None)
+    part = cube.isel(y=slice(2, 9)).transpose("wavelength", "y", "x")
+    assert part.shape == (BANDS, 7, SAMPLES)
+    assert "values with dtype" in repr(cube)
+    assert os.path.getsize(files["envi"]["path"].with_suffix(".img")) > 0

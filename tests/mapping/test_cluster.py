@@ -1,0 +1,224 @@
+"""The same work on a dask cluster: the same numbers, few pieces at a time, and dead workers survived."""
+
+import os
+import signal
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import jax
+import numpy as np
+import pytest
+
+from glazefit.mapping.chunk import ChunkMaps
+from glazefit.mapping.keyed import KeyedResults
+from glazefit.mapping.run import client_in_scope, connected, finish, run_chunks
+from glazefit.mapping.store import open_map
+
+from .test_store import same, undisturbed  # noqa: F401
+from .toy import Toy, store_at
+
+distributed = pytest.importorskip("distributed")
+
+
+@pytest.fixture(scope="module")
+def client():
+    """Two worker processes on this machine."""
+    with (
+        distributed.LocalCluster(
+            n_workers=2, threads_per_worker=1, dashboard_address=None, host="127.0.0.1", silence_logs=60
+        ) as cluster,
+        distributed.Client(cluster, set_as_default=False) as client,
+    ):
+        yield client
+
+
+@dataclass(frozen=True)
+class Noted(Toy):
+    """Leaves a file for every window that a worker begins."""
+
+    folder: str = ""
+
+    def solve(self, window) -> ChunkMaps:
+        Path(self.folder, f"{window.key}-{os.getpid()}").touch()
+        return super().solve(window)
+
+
+def test_a_cluster_finds_the_same_numbers(tmp_path, client, undisturbed):  # noqa: F811
+    store = store_at(tmp_path / "map.zarr")
+    begun, kept, ahead = tmp_path / "begun", set(), []
+    begun.mkdir()
+
+    def told(window, maps):
+        kept.add(window)
+        assert store.done() == kept
+        ahead.append(len(list(begun.iterdir())) - len(kept))
+
+    run_chunks(store, Noted(0.01, str(begun)), client, told)
+    same(store, undisturbed)
+    processes = {path.name.rsplit("-", 1)[1] for path in begun.iterdir()}
+    assert len(processes) == 2
+    assert str(os.getpid()) not in processes
+    assert len(list(begun.iterdir())) == 25
+    # Two workers have two pieces each and no more, however slowly they are fetched.
+    assert max(ahead) <= 4
+    left = client.run_on_scheduler(
+        lambda dask_scheduler: [key for key in dask_scheduler.tasks if "glazejax" in str(key)]
+    )
+    deadline = time.monotonic() + 10
+    while left and time.monotonic() < deadline:
+        left = client.run_on_scheduler(lambda dask_scheduler: [k for k in dask_scheduler.tasks if "glazejax" in str(k)])
+    assert not left
+
+
+def test_workers_are_not_overfilled(tmp_path, client):
+    begun = tmp_path / "begun"
+    begun.mkdir()
+    ahead = []
+
+    def told(window, maps):
+        time.sleep(0.05)
+        ahead.append(len(list(begun.iterdir())) - len(ahead) - 1)
+
+    run_chunks(store_at(tmp_path / "map.zarr"), Noted(0.0, str(begun)), client, told)
+    assert len(ahead) == 25
+    assert max(ahead) <= 4
+
+
+def test_the_death_of_workers_is_survived(tmp_path, client, undisturbed):  # noqa: F811
+    store = store_at(tmp_path / "map.zarr")
+    killed = []
+
+    def told(window, maps):
+        if len(store.done()) in (4, 12):
+            process = next(iter(client.run(os.getpid).values()))
+            os.kill(process, signal.SIGKILL)
+            killed.append(process)
+
+    run_chunks(store, Toy(0.05), client, told)
+    assert len(killed) == 2
+    same(store, undisturbed)
+
+
+def test_work_goes_on_from_here_to_a_cluster_and_back(tmp_path, client, undisturbed):  # noqa: F811
+    store = store_at(tmp_path / "map.zarr")
+
+    def stop(window, maps):
+        if len(store.done()) % 9 == 0:
+            raise KeyboardInterrupt
+
+    for where in (None, client):
+        with pytest.raises(KeyboardInterrupt):
+            run_chunks(store, Toy(), where, stop)
+    assert len(store.done()) == 18
+    run_chunks(store_at(store.path), Toy())
+    same(store, undisturbed)
+
+
+@dataclass(frozen=True)
+class Failing:
+    """Work that fails so many times, then succeeds; files count across processes."""
+
+    folder: str
+    times: int
+    kills: bool = False
+
+    def __call__(self, key: str) -> dict[str, np.ndarray]:
+        tried = len(list(Path(self.folder).glob(f"{key}-*")))
+        Path(self.folder, f"{key}-{tried}").touch()
+        if key == "b" and tried < self.times:
+            if self.kills:
+                os.kill(os.getpid(), signal.SIGKILL)
+            raise ValueError("the disk of this worker stumbled")
+        return {"key": np.array([key])}
+
+
+def test_a_piece_that_fails_is_tried_again_but_not_for_ever(tmp_path, client):
+    results = KeyedResults(tmp_path / "work")
+    tries = tmp_path / "tries"
+    tries.mkdir()
+    finish(["a", "b", "c"], Failing(str(tries), 2), results, client)
+    assert results.done() == {"a", "b", "c"}
+    assert len(list(tries.glob("b-*"))) == 3
+    other = KeyedResults(tmp_path / "other")
+    with pytest.raises(ValueError, match="stumbled"):
+        finish(["a", "b", "c"], Failing(str(tries), 99), other, client)
+    assert "b" not in other.done()
+
+
+def test_a_piece_that_kills_every_worker_ends_in_a_sentence(tmp_path, client):
+    results = KeyedResults(tmp_path / "work")
+    (tmp_path / "tries").mkdir()
+    with pytest.raises(RuntimeError, match="took on b died one after another: have they enough memory"):
+        finish(["a", "b"], Failing(str(tmp_path / "tries"), 99, kills=True), results, client)
+
+
+def precision(key: str) -> dict[str, np.ndarray]:
+    import jax.numpy as jnp
+
+    return {"third": np.asarray(jnp.ones(()) / 3)}
+
+
+def test_workers_compute_in_the_precision_of_the_one_who_asks(tmp_path, client):
+    for wanted in (True, False):
+        with jax.enable_x64(wanted):
+            results = KeyedResults(tmp_path / str(wanted))
+            finish(["a"], precision, results, client)
+            np.testing.assert_array_equal(results.get("a")["third"], precision("a")["third"])
+            assert results.get("a")["third"].dtype == (np.float64 if wanted else np.float32)
+
+
+def test_a_cluster_that_is_lost_ends_in_a_sentence(tmp_path, undisturbed):  # noqa: F811
+    store = store_at(tmp_path / "map.zarr")
+    with (
+        distributed.LocalCluster(
+            n_workers=1, threads_per_worker=1, processes=False, dashboard_address=None, silence_logs=60
+        ) as cluster,
+        connected(cluster.scheduler_address, seconds=1) as client,
+    ):
+        assert client is not None
+        assert client_in_scope() is None
+
+        def told(window, maps):
+            if len(store.done()) == 3:
+                cluster.close()
+
+        with pytest.raises(ConnectionError, match="the dask cluster was lost"):
+            run_chunks(store, Toy(0.01), client, told)
+    assert 3 <= len(store.done()) < 25
+    dataset = open_map(store.path)
+    for window in store.done():
+        assert (dataset.status[window.slices] == 1).all()
+    run_chunks(store, Toy())
+    same(store, undisturbed)
+
+
+def test_a_cluster_without_workers_ends_in_a_sentence(tmp_path, monkeypatch):
+    monkeypatch.setattr("glazefit.mapping.cluster._PATIENCE", 0.2)
+    with (
+        distributed.LocalCluster(n_workers=0, processes=False, dashboard_address=None, silence_logs=60) as cluster,
+        distributed.Client(cluster, set_as_default=False) as client,
+        pytest.raises(RuntimeError, match="has no workers; start some"),
+    ):
+        finish(["a"], precision, KeyedResults(tmp_path), client)
+
+
+def test_no_scheduler_is_said_in_one_line():
+    with (
+        pytest.raises(ValueError, match=r"--scheduler tcp://127\.0\.0\.1:1: no dask scheduler answers there") as found,
+        connected("tcp://127.0.0.1:1", seconds=0.5),
+    ):
+        pass
+    assert "\n" not in str(found.value)
+    with connected(None) as client:
+        assert client is None
+
+
+def test_the_client_of_the_program_is_found(monkeypatch):
+    with distributed.Client(n_workers=0, processes=False, dashboard_address=None) as client:
+        assert client_in_scope() is client
+    assert client_in_scope() is None
+    monkeypatch.delitem(sys.modules, "distributed")
+    assert client_in_scope() is None
+    assert "distributed" not in sys.modules

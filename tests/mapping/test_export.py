@@ -1,0 +1,160 @@
+"""A map as NetCDF and as ENVI: what other programs read is what the map holds."""
+
+import errno
+import json
+
+import numpy as np
+import pytest
+
+from glazefit.mapping.chunk import ChunkMaps
+from glazefit.mapping.export import check_export, export_map
+from glazefit.mapping.layout import VARIABLES, Status
+from glazefit.mapping.run import run_chunks
+from glazefit.mapping.store import MapStore, open_map
+
+from .toy import CHUNK, PAINTS, SHAPE, Toy
+
+xarray = pytest.importorskip("xarray")
+pytest.importorskip("zarr")
+
+COORDS = {
+    "y": (50.0 - 0.5 * np.arange(SHAPE[0]) - 0.25, {"units": "metre", "pixel_size": 0.5}),
+    "x": (10.0 + 0.25 * np.arange(SHAPE[1]) + 0.125, {"units": "metre", "pixel_size": 0.25}),
+}
+PLACE = "UTM, 3, 4, 1, 2, 0.1, 0.1, 31, North, WGS-84, units=Meters, rotation=0.00"
+
+
+class Sparse(Toy):
+    """With pixels that were not mapped, and sets that a map can have."""
+
+    def solve(self, window) -> ChunkMaps:
+        maps = super().solve(window)
+        random = np.random.default_rng(list(window))
+        maps.arrays["status"] = random.choice([1, 1, 1, 2, 5], window.shape).astype(np.uint8)
+        members = np.array([[-1, -1, -1], [0, -1, -1], [1, 2, -1], [0, 1, 2]], np.int16)
+        maps.arrays["members"] = members[random.integers(0, 4, window.shape)]
+        return maps
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory) -> MapStore:
+    attrs = {"title": "a {panel}, Ghent", "map_info": PLACE, "crs_wkt": 'PROJCS["UTM"]', "nothing": None,
+             "working_wavelengths": [400.0, 500.0], "notes": ["one", "two"], "mixed": [1, "a"]}  # fmt: skip
+    store = MapStore.create(
+        tmp_path_factory.mktemp("export") / "map.zarr",
+        SHAPE,
+        CHUNK,
+        PAINTS,
+        options={"a": 1},
+        attrs=attrs,
+        coords=COORDS,
+    )
+    run_chunks(store, Sparse())
+    # One window that is not done.
+    (store.path / ".glazejax" / "done" / f"{store.windows()[3].key}.npz").unlink()
+    return store
+
+
+def test_netcdf_holds_all_that_the_map_holds(store, tmp_path):
+    pytest.importorskip("h5netcdf")
+    (path,) = export_map(store.path, tmp_path / "map.nc")
+    ours = open_map(store.path)
+    with xarray.open_dataset(path, engine="h5netcdf", mask_and_scale=False) as theirs:
+        for variable in VARIABLES:
+            np.testing.assert_array_equal(theirs[variable.name].values, ours[variable.name].values)
+            assert theirs[variable.name].dtype == variable.dtype
+            assert theirs[variable.name].encoding["chunksizes"][:2] == CHUNK
+        assert theirs.paint.values.tolist() == list(PAINTS)
+        np.testing.assert_array_equal(theirs.y.values, COORDS["y"][0])
+        assert theirs.x.attrs["pixel_size"] == 0.25
+        assert theirs.thickness.attrs["units"] == "m"
+        assert theirs.attrs["working_wavelengths"].tolist() == [400.0, 500.0]
+        assert json.loads(theirs.attrs["options"]) == store.options
+        assert list(theirs.attrs["notes"]) == ["one", "two"]
+        assert json.loads(theirs.attrs["mixed"]) == [1, "a"]
+    with xarray.open_dataset(path, engine="h5netcdf") as theirs:
+        assert theirs.status.dtype == np.uint8
+        assert theirs.members.dtype == np.int16
+
+
+def planes(store: MapStore) -> dict[str, np.ndarray]:
+    """Bands that are expected, by name, worked out pixel by pixel."""
+    ours = open_map(store.path).load()
+    wanted = {name: np.full(SHAPE, np.nan) for name in ("probability of Eosin", "fraction of Eosin", "thickness (um)",
+                                                        "fraction standard deviation of Umber")}  # fmt: skip
+    for y, x in np.argwhere(ours.status.values == Status.MAPPED):
+        pixel = {name: ours[name].values[y, x] for name in ("members", "fraction", "fraction_sd")}
+        wanted["thickness (um)"][y, x] = ours.thickness.values[y, x] * 1e6
+        wanted["probability of Eosin"][y, x] = ours.paint_probability.values[y, x, 1]
+        for name, paint, of in (("fraction of Eosin", 1, "fraction"),
+                                ("fraction standard deviation of Umber", 2, "fraction_sd")):  # fmt: skip
+            place = [*pixel["members"]].index(paint) if paint in pixel["members"] else None
+            wanted[name][y, x] = 0.0 if place is None else pixel[of][place]
+    wanted["status"] = ours.status.values.astype(float)
+    return wanted
+
+
+def test_envi_reads_back_in_another_program(store, tmp_path):
+    spectral = pytest.importorskip("spectral")
+    header, data = export_map(store.path, tmp_path / "map.hdr")
+    assert (header.name, data.name) == ("map.hdr", "map.img")
+    image = spectral.envi.open(header, data)
+    names = image.metadata["band names"]
+    assert image.shape == (*SHAPE, len(names))
+    assert len(names) == 10 + 3 * len(PAINTS)
+    for name, wanted in planes(store).items():
+        np.testing.assert_allclose(image.read_band(names.index(name)), wanted, rtol=1e-6, equal_nan=True)
+    assert float(image.metadata["data ignore value"]) != float(image.metadata["data ignore value"])
+    info = image.metadata["map info"]
+    assert info[0] == "UTM"
+    assert [float(value) for value in info[1:7]] == [1.0, 1.0, 10.0, 50.0, 0.25, 0.5]
+    assert info[7:] == ["31", "North", "WGS-84", "units=Meters", "rotation=0.00"]
+    assert image.metadata["coordinate system string"] == ['PROJCS["UTM"]']
+
+
+def test_a_turned_image_and_bare_pixels_keep_what_is_sure(tmp_path):
+    for info, coords, expected in (
+        (PLACE.replace("0.00", "30"), COORDS, "pixel size = { 0.25, 0.5, units=metre }"),
+        (PLACE, {}, None),
+    ):
+        path = tmp_path / f"{len(coords)}.zarr"
+        store = MapStore.create(path, (2, 2), (2, 2), PAINTS, options={}, attrs={"map_info": info},
+                                coords={name: (v[:2], a) for name, (v, a) in coords.items()})  # fmt: skip
+        header, _ = export_map(store.path, tmp_path / f"{len(coords)}.img")
+        text = header.read_text()
+        assert "map info" not in text
+        assert expected is None or expected in text.splitlines()
+
+
+def test_files_are_checked_before(store, tmp_path):
+    for name in ("map.tif", "map"):
+        with pytest.raises(ValueError, match=r"--export .*NetCDF \(.nc\) or ENVI"):
+            check_export(tmp_path / name, argument="--export")
+    (tmp_path / "map.img").touch()
+    with pytest.raises(FileExistsError, match=r"map\.img exists"):
+        export_map(store.path, tmp_path / "map.hdr")
+    with pytest.raises(FileNotFoundError):
+        export_map(store.path, tmp_path / "none" / "map.nc")
+    export_map(store.path, tmp_path / "map.hdr", overwrite=True)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["map.hdr", "map.img"]
+
+
+@pytest.mark.parametrize("name", ["map.nc", "map.hdr"])
+def test_a_full_disk_leaves_no_half_file(store, tmp_path, monkeypatch, name):
+    told = []
+
+    def full(*arguments, **named):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr("glazefit.mapping.export._bands", full)
+    monkeypatch.setattr("xarray.Dataset.to_netcdf", full)
+    with pytest.raises(OSError, match="the disk is full; the map itself is kept"):
+        export_map(store.path, tmp_path / name, told=lambda done, of: told.append(done))
+    assert not list(tmp_path.iterdir())
+
+
+def test_progress_is_told(store, tmp_path):
+    told = []
+    export_map(store.path, tmp_path / "map.bsq", told=lambda done, of: told.append((done, of)))
+    assert told == [(number + 1, 25) for number in range(25)]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["map.bsq", "map.hdr"]

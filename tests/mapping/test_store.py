@@ -1,0 +1,345 @@
+"""The store of a map: what was written reads back, and what was not finished is not there."""
+
+import errno
+import json
+import os
+import random
+import subprocess
+import sys
+import time
+import warnings
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from glazefit.mapping.chunk import SetSum, add_sets, pack, unpack
+from glazefit.mapping.keyed import KeyedResults
+from glazefit.mapping.layout import VARIABLES, Status
+from glazefit.mapping.run import finish, run_chunks
+from glazefit.mapping.store import MapStore, open_map
+from glazefit.mapping.windows import Window, chunk_shape, windows
+
+from .toy import BANDS, CHUNK, PAINTS, SHAPE, Toy, store_at
+
+xarray = pytest.importorskip("xarray")
+zarr = pytest.importorskip("zarr")
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory) -> MapStore:
+    store = store_at(tmp_path_factory.mktemp("undisturbed") / "map.zarr")
+    run_chunks(store, Toy())
+    return store
+
+
+def same(one: MapStore, other: MapStore) -> None:
+    """Two maps are the same, bit for bit."""
+    ours, theirs = open_map(one.path), open_map(other.path)
+    for variable in VARIABLES:
+        np.testing.assert_array_equal(ours[variable.name].values, theirs[variable.name].values)
+        assert ours[variable.name].dtype == variable.dtype
+    (tallies, sets), (others, other_sets) = one.sums(), other.sums()
+    assert tallies == others
+    assert pack(tallies, dict(sorted(sets.items()))) == pack(others, dict(sorted(other_sets.items())))
+
+
+def test_windows_cover_an_image_once():
+    seen = np.zeros(SHAPE, int)
+    for window in windows(SHAPE, CHUNK):
+        seen[window.slices] += 1
+        assert Window.from_key(window.key) == window
+        assert window.pixels == seen[window.slices].size
+    assert (seen == 1).all()
+
+
+@pytest.mark.parametrize("key", ["", "y0-1", "y0-1_x0", "y0-1_x0-1.npz", "y00-1_x0-1", "y0-1_x0-1-2", "a0-1_x0-1"])
+def test_what_is_no_key_of_a_window_is_refused(key: str):
+    with pytest.raises(ValueError, match="names no window"):
+        Window.from_key(key)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (300, 300), (257, 4000), (3, 100_000)])
+def test_windows_fit_the_memory_whatever_the_size(shape):
+    for memory in (2**30, 2**31, 2**33):
+        rows, columns = chunk_shape(shape, 200, 64, memory)
+        assert 1 <= rows <= min(256, shape[0])
+        assert 1 <= columns <= min(256, shape[1])
+        assert 600 * 2**20 + rows * columns * 200 * 64 <= memory
+        # No window is a thin strip beside large ones.
+        assert (-shape[0]) % rows < shape[0] / 2 + 1
+    with pytest.raises(ValueError, match=r"memory bound is 300 MiB; with 200 bands it must be at least \d+ MiB"):
+        chunk_shape(shape, 200, 64, 300 * 2**20)
+
+
+def test_what_is_written_reads_back(undisturbed: MapStore):
+    dataset = open_map(undisturbed.path)
+    assert dict(dataset.sizes) == {"y": 70, "x": 90, "place": 3, "paint": 3, "rgb": 3}
+    assert dataset.paint.values.tolist() == list(PAINTS)
+    assert dataset.x.values[:2].tolist() == [0.5, 1.5]
+    assert dataset.thickness.attrs["units"] == "m"
+    assert dataset.status.attrs["flag_meanings"].split()[1] == "mapped"
+    assert dataset.attrs["options"]["noise"] == 0.003
+    for window in undisturbed.windows():
+        maps = Toy().solve(window)
+        for variable in VARIABLES:
+            there = dataset[variable.name][window.slices].values
+            wanted = maps.arrays.get(variable.name, np.full(there.shape, variable.fill, variable.dtype))
+            np.testing.assert_array_equal(there, wanted)
+
+
+def test_others_open_the_store_without_a_word(undisturbed: MapStore):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        dataset = xarray.open_zarr(undisturbed.path, chunks=None)
+    assert set(dataset.data_vars) == {variable.name for variable in VARIABLES}
+
+
+def test_sums_are_those_of_the_windows_in_order(undisturbed: MapStore):
+    tallies, sets = undisturbed.sums()
+    expected, third = {}, 0.0
+    for window in undisturbed.windows():
+        maps = Toy().solve(window)
+        third += maps.tallies["third"]
+        add_sets(expected, maps.sets)
+    assert tallies == {"mapped": 6300.0, "third": third}
+    assert {m: (s.pixels, s.thickness) for m, s in sets.items()} == {
+        m: (s.pixels, s.thickness) for m, s in expected.items()
+    }
+    for members, one in sets.items():
+        np.testing.assert_array_equal(one.square, expected[members].square)
+
+
+def test_sums_pack_bit_for_bit():
+    assert unpack(pack({}, {})) == ({}, {})
+    one = SetSum(3, *np.random.default_rng(0).random((3, BANDS)), (0.1, 7))
+    tallies, sets = unpack(pack({"a": 0.1 + 0.2}, {(): one, (1, 40, 41): one + one}))
+    assert tallies == {"a": 0.1 + 0.2}
+    assert list(sets) == [(), (1, 40, 41)]
+    assert sets[1, 40, 41].pixels == 6
+    assert sets[()].thickness == (0.1, 7)
+    np.testing.assert_array_equal(sets[()].spectrum, one.spectrum)
+    for broken in (b"", b"PK", pack({}, {(): one})[:-40]):
+        with pytest.raises(ValueError, match="cannot be read"):
+            unpack(broken)
+
+
+def test_a_window_without_its_mark_is_not_there(tmp_path):
+    store = store_at(tmp_path / "map.zarr")
+    run_chunks(store, Toy())
+    undone = store.windows()[7]
+    (store.path / ".glazejax" / "done" / f"{undone.key}.npz").unlink()
+    assert set(store.windows()) - store.done() == {undone}
+    dataset = open_map(store.path)
+    assert (dataset.status[undone.slices] == Status.UNDONE).all()
+    assert np.isnan(dataset.paint_probability[undone.slices].values).all()
+    assert int((dataset.status == Status.UNDONE).sum()) == undone.pixels
+    # A region that crosses it, too.
+    assert set(np.unique(dataset.status[: undone.y1].values)) == {Status.UNDONE, Status.MAPPED}
+
+
+def test_a_run_goes_on_with_what_is_not_done(tmp_path, undisturbed):
+    class Counted(Toy):
+        asked: list[Window] = []  # noqa: RUF012
+
+        def solve(self, window):
+            if len(self.asked) == 5:
+                raise KeyboardInterrupt
+            self.asked.append(window)
+            return super().solve(window)
+
+    store = store_at(tmp_path / "map.zarr")
+    with pytest.raises(KeyboardInterrupt):
+        run_chunks(store, Counted())
+    assert store.done() == set(Counted.asked)
+    again: list[Window] = []
+    run_chunks(store_at(tmp_path / "map.zarr"), Toy(), told=lambda window, maps: again.append(window))
+    assert not set(again) & set(Counted.asked)
+    same(store, undisturbed)
+
+
+def test_a_map_begun_with_other_options_is_kept(tmp_path):
+    store = store_at(tmp_path / "map.zarr")
+    run_chunks(store, Toy())
+    with pytest.raises(ValueError, match=r"other options \(noise: 0.003 there, 0.01 now\).*--overwrite"):
+        MapStore.create(store.path, SHAPE, CHUNK, PAINTS, options={"noise": 0.01, "layers": 1})
+    with pytest.raises(ValueError, match=r"shape: \[70, 90\] there, \[70, 91\] now; paints: "):
+        MapStore.create(store.path, (70, 91), CHUNK, PAINTS[:2], options={"noise": 0.003, "layers": 1})
+    assert len(store_at(store.path).done()) == len(store.windows())
+    # The windows of a map that is there stay, whatever a new memory bound would make of them.
+    goes_on = MapStore.create(store.path, SHAPE, (10, 10), PAINTS, options={"noise": 0.003, "layers": 1})
+    assert goes_on.chunk == CHUNK
+    fresh = MapStore.create(
+        store.path, SHAPE, (10, 10), PAINTS, options={"noise": 0.01, "path": Path("a"), "t": (1,)}, overwrite=True
+    )
+    assert not fresh.done()
+    assert fresh.chunk == (10, 10)
+    assert fresh.options["path"] == "a"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["map.zarr"]
+
+
+def test_what_is_no_map_is_never_replaced(tmp_path):
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "photos" / "one.jpg").write_bytes(b"precious")
+    for overwrite in (False, True):
+        with pytest.raises(FileExistsError, match="is no map of glazejax"):
+            store_at(tmp_path / "photos", overwrite=overwrite)
+    with pytest.raises(FileNotFoundError, match="does not exist"):
+        store_at(tmp_path / "none" / "map.zarr")
+    with pytest.raises(ValueError, match="is no map of glazejax"):
+        open_map(tmp_path / "photos")
+    assert (tmp_path / "photos" / "one.jpg").read_bytes() == b"precious"
+    (tmp_path / "empty").mkdir()
+    assert store_at(tmp_path / "empty").done() == set()
+
+
+def test_a_map_of_another_format_is_refused(tmp_path):
+    store = store_at(tmp_path / "map.zarr")
+    meta = json.loads((store.path / "zarr.json").read_text())
+    meta["attributes"]["glazejax"]["format"] = 99
+    (store.path / "zarr.json").write_text(json.dumps(meta))
+    with pytest.raises(ValueError, match="format 99"):
+        open_map(store.path)
+
+
+def test_what_a_killed_run_left_half_written_is_taken_away(tmp_path):
+    store = store_at(tmp_path / "map.zarr")
+    left = [store.path / "misfit" / "c" / "0" / "0.1234.partial", store.path / ".glazejax" / "done" / "one.npz.part"]
+    left[0].parent.mkdir(parents=True)
+    for path in left:
+        path.write_bytes(b"half")
+    run_chunks(store, Toy())
+    assert not any(path.exists() for path in left)
+
+
+def test_two_runs_do_not_write_one_map(tmp_path):
+    one, other = store_at(tmp_path / "map.zarr"), store_at(tmp_path / "map.zarr")
+    with one.writing():
+        run_chunks(one, Toy())
+        with pytest.raises(ValueError, match="another run is writing"):
+            run_chunks(other, Toy())
+    run_chunks(other, Toy())
+
+
+def test_arrays_that_do_not_fit_are_refused(tmp_path):
+    store = store_at(tmp_path / "map.zarr")
+    window = store.windows()[0]
+    maps = Toy().solve(window)
+    with pytest.raises(ValueError, match="is no window of"):
+        store.put(Window(0, 5, 0, 5), maps)
+    maps.arrays["misfit"] = np.zeros((3, 3), np.float32)
+    with pytest.raises(ValueError, match=r"misfit of window .* has shape \(3, 3\)"):
+        store.put(window, maps)
+    with pytest.raises(ValueError, match="no array 'colour'"):
+        store.put(window, type(maps)({"colour": maps.arrays["status"]}))
+    assert not store.done()
+
+
+@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT])
+@pytest.mark.parametrize("failing", [3, 70, 150, 160])
+def test_a_full_disk_keeps_what_is_finished(tmp_path, monkeypatch, undisturbed, number, failing):
+    """Every n-th file that is put in place fails, whether of an array or of a mark."""
+    store = store_at(tmp_path / "map.zarr")
+    replace, count = Path.replace, 0
+
+    def replaced(path: Path, target: Path):
+        nonlocal count
+        count += 1
+        if count >= failing:
+            raise OSError(number, os.strerror(number), str(path))
+        return replace(path, target)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "replace", replaced)
+        with pytest.raises(OSError, match="the disk is full") as found:
+            run_chunks(store, Toy())
+    assert found.value.errno == number
+    assert f"{len(store.done())} of 25 windows are finished and kept" in found.value.strerror
+    assert found.value.filename == str(store.path)
+    assert len(store.done()) == (failing - 1) // 17
+    assert not list(store.path.rglob("*.part*"))
+    for window in store.done():
+        np.testing.assert_array_equal(
+            open_map(store.path).rmse[window.slices], open_map(undisturbed.path).rmse[window.slices]
+        )
+    run_chunks(store_at(store.path), Toy())
+    same(store, undisturbed)
+
+
+def test_a_disk_that_is_full_at_once_leaves_nothing(tmp_path, monkeypatch):
+    def full(path: Path, target: Path):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "replace", full)
+        with pytest.raises(OSError, match="nothing of the map was begun"):
+            store_at(tmp_path / "map.zarr")
+    assert not list(tmp_path.iterdir())
+
+
+def test_results_by_key_are_whole_or_not_there(tmp_path, monkeypatch):
+    results = KeyedResults(tmp_path / "work")
+    asked: list[str] = []
+
+    def work(key: str) -> dict[str, np.ndarray]:
+        asked.append(key)
+        return {"number": np.array([int(key[-1])]), "text": np.array(["a", "bc"])}
+
+    finish(["piece-1", "piece-2"], work, results)
+    finish(["piece-1", "piece-2", "piece-3"], work, results)
+    assert asked == ["piece-1", "piece-2", "piece-3"]
+    assert results.done() == set(asked)
+    assert results.get("piece-3")["number"].tolist() == [3]
+    assert results.get("piece-3")["text"].tolist() == ["a", "bc"]
+    with pytest.raises(KeyError):
+        results.get("piece-4")
+    for key in ("../x", "", "a/b", ".hidden"):
+        with pytest.raises(ValueError, match="cannot name a file"):
+            results.put(key, {})
+    with pytest.raises(ValueError, match="Python objects"):
+        results.put("piece-4", {"bad": np.array([None])})
+    (tmp_path / "work" / "piece-5.npz.part").write_bytes(b"half")
+    assert KeyedResults(tmp_path / "work").done() == set(asked)
+    assert not list((tmp_path / "work").glob("*.part"))
+
+
+def test_attributes_can_be_added(tmp_path):
+    store = store_at(tmp_path / "map.zarr", attrs={"title": "a panel"})
+    run_chunks(store, Toy())
+    store.note(agreement={"pixels": 2000, "same": np.float64(0.97)}, nothing=float("nan"))
+    dataset = open_map(store.path)
+    assert dataset.attrs["title"] == "a panel"
+    assert dataset.attrs["agreement"] == {"pixels": 2000, "same": 0.97}
+    assert len(MapStore.open(store.path).done()) == 25
+
+
+def test_a_run_killed_at_random_moments_ends_as_an_undisturbed_one(tmp_path, undisturbed):
+    path, chance = tmp_path / "map.zarr", random.Random(18)
+    source = Path(__file__).parents[2]
+    paths = [str(source / "src"), str(source / "fitting"), str(source)]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(paths)}
+    marks, kept, kills = path / ".glazejax" / "done", 0, 0
+    while kept < 25:
+        run = subprocess.Popen(
+            [sys.executable, "-m", "tests.mapping.toy", str(path), "0.002"], env=environment, stdout=subprocess.PIPE
+        )
+        assert run.stdout is not None
+        assert run.stdout.readline() == b"begun\n"
+        # A window is mostly written, not solved: some time after a mark the next one is being written.
+        wanted = kept + chance.randint(0, 4)
+        while len(list(marks.glob("*.npz"))) < wanted and run.poll() is None:
+            time.sleep(0.002)
+        time.sleep(chance.uniform(0.0, 0.05))
+        run.kill()
+        killed = run.wait() != 0
+        run.stdout.close()
+        done = MapStore.open(path).done()
+        assert len(done) >= max(kept, min(wanted, 25))
+        for window in done:
+            assert (open_map(path).status[window.slices] == Status.MAPPED).all()
+        kept, kills = len(done), kills + killed
+        assert kills < 40
+    assert kills >= 3
+    same(MapStore.open(path), undisturbed)
+    run_chunks(store_at(path), Toy())
+    assert not list(path.rglob("*.part*"))

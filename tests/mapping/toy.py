@@ -1,0 +1,55 @@
+"""A solver that maps nothing real: numbers that depend on the window alone, to compare runs bit for bit."""
+
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from glazefit.mapping.chunk import ChunkMaps, SetSum
+from glazefit.mapping.layout import PLACES, VARIABLES, Status
+from glazefit.mapping.run import run_chunks
+from glazefit.mapping.store import MapStore
+from glazefit.mapping.windows import Window
+
+SHAPE, CHUNK, PAINTS, BANDS = (70, 90), (16, 20), ("ZincWhite", "Eosin", "Umber"), 7
+
+
+@dataclass(frozen=True)
+class Toy:
+    """Random maps by window, after some seconds."""
+
+    seconds: float = 0.0
+
+    def solve(self, window: Window) -> ChunkMaps:
+        time.sleep(self.seconds)
+        random = np.random.default_rng(list(window))
+        sizes = {"paint": len(PAINTS), "place": PLACES, "rgb": 3}
+        arrays = {}
+        for variable in VARIABLES:
+            shape = (*window.shape, *(sizes[dim] for dim in variable.further))
+            whole = np.dtype(variable.dtype).kind != "f"
+            arrays[variable.name] = (random.integers(0, 3, shape) if whole else random.random(shape)).astype(
+                variable.dtype
+            )
+        arrays["status"] = np.full(window.shape, Status.MAPPED, np.uint8)
+        # Some windows are all fill in an array, of which zarr then writes no file.
+        if window.x0 == 0:
+            del arrays["misfit"]
+        tallies = {"mapped": float(window.pixels), "third": random.random()}
+        sets = {
+            members: SetSum(int(random.integers(1, 9)), *random.random((3, BANDS)), (random.random(), 2))
+            for members in [(), (0,), (0, 2), (1, 2, 3)][: int(random.integers(0, 5))]
+        }
+        return ChunkMaps(arrays, tallies, sets)
+
+
+def store_at(path: str | Path, **more) -> MapStore:
+    return MapStore.create(path, SHAPE, CHUNK, PAINTS, options={"noise": 0.003, "layers": 1}, **more)
+
+
+if __name__ == "__main__":
+    store = store_at(sys.argv[1])
+    print("begun", flush=True)
+    run_chunks(store, Toy(float(sys.argv[2])))
