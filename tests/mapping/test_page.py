@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from glazefit.mapping.example import painting
-from glazefit.mapping.layout import Status
-from glazefit.mapping.page import About, write_report
+from glazefit.mapping.layout import Status, Way
+from glazefit.mapping.page import _WAYS, About, write_report
 from glazefit.mapping.page_sets import _spectra
 
 from .truth_map import Sums, truth_map
@@ -110,6 +110,16 @@ def test_sets_stand_with_their_shares_of_the_area(made, report):
         assert "<svg" in row
     assert "None of these paints" in rows[-1]
     assert 'class="key none"' in rows[-1]
+
+
+def test_each_way_of_an_answer_has_its_words(made, tmp_path):
+    dataset, tallies, sets = made
+    turned = dataset.copy(deep=True)
+    turned["way"][:, ::2] = Way.NEIGHBOUR
+    said = words(write_report(turned, tallies, sets, ABOUT, tmp_path).read_text(encoding="utf-8"))
+    count = int(np.sum(dataset["status"].values[:, ::2] == Status.MAPPED))
+    assert f"From a pixel nearby that was searched, in closed form {count:,} pixels" in said
+    assert set(_WAYS) == set(Way)
 
 
 def test_pictures_lie_beside_the_page(report):

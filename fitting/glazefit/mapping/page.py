@@ -40,7 +40,7 @@ _WAYS = {
     Way.NONE: "not told",
     Way.UPDATED: "from the representative next to it, in closed form",
     Way.SEARCHED: "by a search of its own",
-    Way.COPIED: "as a pixel of the same spectrum",
+    Way.NEIGHBOUR: "from a pixel nearby that was searched, in closed form",
 }
 
 
