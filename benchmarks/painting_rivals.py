@@ -67,13 +67,16 @@ class Answer:
 
 
 class Score(NamedTuple):
-    """How an answer compares with the truth; the first six over pixels of the catalogue's paints.
+    """How an answer compares with the truth; all but the last over pixels of the catalogue's paints.
+
+    The paints that are named count even where the answer is none, so that a threshold that says none too often does
+    not hide what a method can do.
 
     Attributes:
-        right_set: share of pixels with exactly the right paints, and not called none.
+        right_set: share of pixels with exactly the right paints.
         right_pigments: the same, where paints of one pigment count as one (medium and maker aside).
         right_main: share in which the paint of the largest share is the right one.
-        share_error: mean of half the sum of absolute differences of shares, 0 to 1; 1 where none was said.
+        share_error: mean of half the sum of absolute differences of shares, 0 to 1.
         amount_error: median of the sum of absolute differences of amounts over all the paint there is; NaN without.
         false_none: share called none.
         none_found: share of pixels with foreign paint that are called none.
@@ -140,26 +143,24 @@ def score(truth: Truth, answer: Answer, names: Sequence[str]) -> Score:
     count = len(names)
     true_amounts = _by_paint(truth.members, truth.amounts, count)
     shares = _by_paint(answer.members, answer.shares, count)
-    shares[answer.none] = 0.0
     amounts = shares * answer.thickness[:, None]
     true_shares = true_amounts / true_amounts.sum(axis=1, keepdims=True)
     there = _by_paint(answer.members, np.ones(answer.members.shape), count) > 0
-    there[answer.none] = False
     alike = _families(names)
     right = (there == (true_amounts > 0)).all(axis=1)
     right_family = ((there @ alike > 0) == ((true_amounts > 0) @ alike > 0)).all(axis=1)
-    main = (shares.argmax(axis=1) == true_amounts.argmax(axis=1)) & ~answer.none
+    main = (shares.argmax(axis=1) == true_amounts.argmax(axis=1)) & (shares.max(axis=1) > 0)
     share_error = 0.5 * np.abs(shares - true_shares).sum(axis=1)
-    share_error[answer.none] = 1.0
+    share_error[shares.sum(axis=1) == 0] = 1.0
     off = np.abs(amounts - true_amounts).sum(axis=1) / true_amounts.sum(axis=1)
-    told = known & ~answer.none & np.isfinite(off)
+    told = known & np.isfinite(off)
 
     def mean(values: np.ndarray, over: np.ndarray) -> float:
         return float(values[over].mean()) if over.any() else float("nan")
 
     return Score(
-        mean(right & ~answer.none, known),
-        mean(right_family & ~answer.none, known),
+        mean(right, known),
+        mean(right_family, known),
         mean(main, known),
         mean(share_error, known),
         float(np.median(off[told])) if told.any() else float("nan"),
@@ -363,18 +364,20 @@ class TwoFlux:
         """Shares of films that hide their ground: sum of c K over sum of c S is K/S of the reading."""
         inside = self.inside(spectra)
         ratio = (1.0 - inside) ** 2 / (2.0 * inside)
-        # One more row makes the shares sum to 1.
-        heavy = 1e3
-        found = np.zeros((len(spectra), len(self.absorption)))
+        # Unknown is what each paint adds to the scattering, so that weak paints are no way to fit everything by
+        # nothing; one more row makes it sum to 1.
+        heavy, mean = 1e3, self.scattering.mean(axis=1)
+        absorption, scattering = self.absorption / mean[:, None], self.scattering / mean[:, None]
+        found = np.zeros((len(spectra), len(mean)))
         for n, (q, r) in enumerate(zip(ratio, inside, strict=True)):
             # What a change of K/S does to the reading, so that each band counts by its noise.
             slope = 2.0 * r**2 / (1.0 - r**2) * (1 - self.outer) * (1 - self.inner) / (1 - self.inner * r) ** 2
-            total = np.median(self.scattering, axis=0)
+            total, weights = np.ones(len(q)), np.ones(len(mean))
             for _ in range(3):
-                rows = (slope / total * (self.absorption - q * self.scattering)).T
-                weights = nnls(np.vstack([rows, np.full(len(found[n]), heavy)]), np.r_[np.zeros(len(q)), heavy])[0]
-                total = np.maximum(weights @ self.scattering, 1e-3)
-            found[n] = weights / weights.sum()
+                rows = (slope / total * (absorption - q * scattering)).T
+                weights = nnls(np.vstack([rows, np.full(len(mean), heavy)]), np.r_[np.zeros(len(q)), heavy])[0]
+                total = np.maximum(weights @ scattering, 1e-3)
+            found[n] = weights / mean / np.sum(weights / mean)
         mixed = (found @ self.absorption) / (found @ self.scattering)
         body = 1.0 + mixed - np.sqrt(mixed**2 + 2.0 * mixed)
         reading = self.outer + (1 - self.outer) * (1 - self.inner) * body / (1 - self.inner * body)
@@ -449,6 +452,7 @@ class Row(NamedTuple):
     name: str
     score: Score
     seconds: float  # a pixel
+    by_coats: tuple[float, ...]  # share with the right set of pixels of one, two and three coats
     choice: Choice | None = None
 
 
@@ -468,22 +472,30 @@ def compared(scene: Painting, other: Painting, pixels: int = 2000) -> list[Row]:
         start = time.perf_counter()
         found = method(spectra)
         seconds = (time.perf_counter() - start) / len(spectra)
-        rows.append(Row(name, score(truth, answered(found, choice), scene.names), seconds, choice))
+        answer = answered(found, choice)
+        rows.append(Row(name, score(truth, answer, scene.names), seconds, by_coats(truth, answer, scene.names), choice))
     return rows
+
+
+def by_coats(truth: Truth, answer: Answer, names: Sequence[str]) -> tuple[float, ...]:
+    """Share of pixels with the right set among those of one, two and three coats; NaN where there are none."""
+    return tuple(score(*only(truth, answer, truth.coats == n), names).right_set for n in (1, 2, 3))
 
 
 def table(rows: Sequence[Row]) -> list[str]:
     """Lines that show scores side by side."""
-    lines = [
-        f"{'':<30}{'right':>8}{'right':>10}{'main':>8}{'error of':>10}{'error of':>10}{'false':>8}{'none':>8}{'pixels':>10}",
-        f"{'':<30}{'set':>8}{'pigments':>10}{'paint':>8}{'shares':>10}{'amounts':>10}{'none':>8}{'found':>8}{'a second':>10}",
-    ]
+    heads = ("right set", "one coat", "two coats", "three coats", "right pigments", "main paint", "error of shares",
+             "error of amounts", "false none", "none found", "pixels a_second")  # fmt: skip
+    words = [head.split() for head in heads]
+    lines = [" " * 30 + "".join(f"{each[line].replace('_', ' '):>10}" for each in words) for line in (0, -1)]
     for row in rows:
         s = row.score
         amount = "-" if np.isnan(s.amount_error) else f"{s.amount_error:.3f}"
         lines.append(
-            f"{row.name:<30}{s.right_set:>8.1%}{s.right_pigments:>10.1%}{s.right_main:>8.1%}{s.share_error:>10.3f}"
-            f"{amount:>10}{s.false_none:>8.1%}{s.none_found:>8.1%}{1 / row.seconds:>10.0f}"
+            f"{row.name:<30}{s.right_set:>10.1%}"
+            f"{''.join(f'{share:>10.1%}' for share in row.by_coats)}"
+            f"{s.right_pigments:>10.1%}{s.right_main:>10.1%}{s.share_error:>10.3f}"
+            f"{amount:>10}{s.false_none:>10.1%}{s.none_found:>10.1%}{1 / row.seconds:>10.0f}"
         )
     return lines
 

@@ -102,9 +102,8 @@ def test_a_written_painting_reads_as_it_was_made(scene, tmp_path, dtype, interle
 
 
 def test_wrong_input_is_one_sentence(scene, tmp_path):
-    for wrong, words in (((0, 5), "0 x 5"), ((5,), "give .y, x.")):
-        with pytest.raises(ValueError, match=words):
-            painting(wrong)
+    with pytest.raises(ValueError, match="0 x 5 pixels cannot be made"):
+        painting((0, 5))
     with pytest.raises(ValueError, match="1 bands"):
         painting(bands=1)
     with pytest.raises(ValueError, match=r"noise is -0\.1"):

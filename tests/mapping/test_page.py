@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from glazefit.mapping.example import painting
-from glazefit.mapping.layout import Status
-from glazefit.mapping.page import About, write_report
+from glazefit.mapping.layout import Status, Way
+from glazefit.mapping.page import _WAYS, About, write_report
 from glazefit.mapping.page_sets import _spectra
 
 from .truth_map import Sums, truth_map
@@ -39,7 +39,8 @@ def made():
 @pytest.fixture(scope="module")
 def report(made, tmp_path_factory):
     folder = tmp_path_factory.mktemp("report")
-    return write_report(*made, ABOUT, folder)
+    dataset, tallies, sets = made
+    return write_report(dataset, tallies, sets, ABOUT, folder)
 
 
 class Tags(HTMLParser):
@@ -102,13 +103,23 @@ def test_sets_stand_with_their_shares_of_the_area(made, report):
         text = words(row)
         assert text.split()[0] == str(number)
         assert all(names[member] in text for member in members)
-        share = float(re.search(r"([\d.]+) % [\d.]+ 9", text)[1])
+        share = float(re.findall(r"([\d.]+) % [\d.]+ 9", text)[0])
         assert share == pytest.approx(100 * sets[members].pixels / mapped, abs=0.05)
         thickness, count = sets[members].thickness
         assert f" {thickness / count * 1e6:.1f} " in text
         assert "<svg" in row
     assert "None of these paints" in rows[-1]
     assert 'class="key none"' in rows[-1]
+
+
+def test_each_way_of_an_answer_has_its_words(made, tmp_path):
+    dataset, tallies, sets = made
+    turned = dataset.copy(deep=True)
+    turned["way"][:, ::2] = Way.NEIGHBOUR
+    said = words(write_report(turned, tallies, sets, ABOUT, tmp_path).read_text(encoding="utf-8"))
+    count = int(np.sum(dataset["status"].values[:, ::2] == Status.MAPPED))
+    assert f"From a pixel nearby that was searched, in closed form {count:,} pixels" in said
+    assert set(_WAYS) == set(Way)
 
 
 def test_pictures_lie_beside_the_page(report):
@@ -121,9 +132,10 @@ def test_pictures_lie_beside_the_page(report):
 
 
 def test_a_report_is_replaced_only_if_asked_for(made, report):
+    dataset, tallies, sets = made
     before = report.read_bytes()
     with pytest.raises(FileExistsError, match="--overwrite replaces it"):
-        write_report(*made, ABOUT, report.parent)
+        write_report(dataset, tallies, sets, ABOUT, report.parent)
     assert report.read_bytes() == before
 
 

@@ -282,7 +282,7 @@ def write_painting(
             if dtype == "uint16":
                 block = np.clip(np.rint(block * 10000.0), 0, 65535)
             block = block.astype(f"<{np.dtype(dtype).str[1:]}")
-            file.write(np.ascontiguousarray(block.transpose(0, 2, 1) if interleave == "bil" else block))
+            file.write((block.transpose(0, 2, 1) if interleave == "bil" else block).tobytes())
             if told is not None:
                 told(end, lines)
     for array in truth.values():

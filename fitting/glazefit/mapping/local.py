@@ -16,7 +16,7 @@ from jaxtyping import Float, Int
 from scipy.special import logsumexp
 
 from ..film.errors import Discrepancy
-from ..identify.fit import prior_terms
+from ..identify.fit import by_blocks, prior_terms
 from ..identify.own_errors import (
     Films,
     Groups,
@@ -38,6 +38,7 @@ from .colour_metric import colour_metric
 
 # Candidates of a representative that are kept: those with this share of the best explanations, and so many at most.
 _LEAST, _MOST = 3e-4, 16
+_BLOCK = 256
 _terms = jax.jit(jax.vmap(prior_terms, in_axes=(0, 0, None, None)))
 
 
@@ -252,10 +253,7 @@ def _linear(
         own = slopes_at(task, some, weighed_films)
     white = errors.basis[groups.of, 0]
     by = (own[:, :size] + own[:, size:]) * (sets != NOBODY)[..., None]
-    gradient, prior = _terms(
-        jnp.asarray(weighed_films.logs), jnp.asarray(sets != NOBODY), task.prior.spread, task.prior.concentration
-    )
-    gradient, prior = np.asarray(gradient), np.asarray(prior)
+    gradient, prior = _prior_of(task, sets, weighed_films.logs)
     levers = np.einsum("nib,nmb->nmi", white, by)  # whitened slopes
     data = levers @ np.swapaxes(levers, 1, 2)
     gain = np.linalg.solve(data + prior, levers @ white)
@@ -270,9 +268,9 @@ def _linear(
     else:
         close = near_errors(task, some).basis[row, 0]
         by_near = (near[:, :size] + near[:, size:]) * (sets != NOBODY)[..., None]
-        _, held = _terms(jnp.asarray(logs), jnp.asarray(sets != NOBODY), task.prior.spread, task.prior.concentration)
+        _, held = _prior_of(task, sets, logs)
         steep = np.einsum("nib,nmb->nmi", close, by_near)
-        shown = np.linalg.solve(steep @ np.swapaxes(steep, 1, 2) + np.asarray(held), steep @ close)
+        shown = np.linalg.solve(steep @ np.swapaxes(steep, 1, 2) + held, steep @ close)
         by = by_near
     eye, lever = np.eye(readings.shape[1]), Lever.of(task, some)
     body = np.einsum("nma,nmb->nab", by, shown)
@@ -296,6 +294,18 @@ def _linear(
         "fitted_by": (body + surface @ missed) * slope[:, None, :] / unseen,
         "left_by": (body + free @ missed) * slope[:, None, :] / unseen,
     }
+
+
+def _prior_of(
+    task: IdentificationTask, sets: Int[np.ndarray, "n size"], logs: Float[np.ndarray, "n size"]
+) -> tuple[Float[np.ndarray, "n size"], Float[np.ndarray, "n size size"]]:
+    """Gradient and Hessian of minus the log prior of films."""
+
+    def run(rows: np.ndarray) -> tuple[jax.Array, jax.Array]:
+        given = jnp.asarray(logs[rows]), jnp.asarray(sets[rows] != NOBODY)
+        return _terms(*given, task.prior.spread, task.prior.concentration)
+
+    return by_blocks(len(sets), _BLOCK, run)
 
 
 def _wide(values: np.ndarray, *axes: int) -> np.ndarray:

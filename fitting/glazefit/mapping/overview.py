@@ -52,17 +52,17 @@ class Overview:
     step: int
     coarse: int
     paints: tuple[str, ...]
-    status: dict[Status, int]
-    ways: dict[Way, int]
-    sets: dict[Members, int]
-    means: dict[str, Float[np.ndarray, "rows columns"]]
-    paint_probability: Float[np.ndarray, "r c paints"]
-    paint_amount: Float[np.ndarray, "r c paints"]
-    paint_share: Float[np.ndarray, "r c paints"]
-    examples: dict[str, np.ndarray]
-    colour: UInt8[np.ndarray, "rows columns 3"]
-    likely: Int[np.ndarray, "paints"]
-    in_set: Int[np.ndarray, "paints"]
+    status: dict[Status, int] = field(default_factory=dict)
+    ways: dict[Way, int] = field(default_factory=dict)
+    sets: dict[Members, int] = field(default_factory=dict)
+    means: dict[str, Float[np.ndarray, "rows columns"]] = field(default_factory=dict)
+    paint_probability: Float[np.ndarray, "r c paints"] = field(init=False)
+    paint_amount: Float[np.ndarray, "r c paints"] = field(init=False)
+    paint_share: Float[np.ndarray, "r c paints"] = field(init=False)
+    examples: dict[str, np.ndarray] = field(default_factory=dict)
+    colour: UInt8[np.ndarray, "rows columns 3"] = field(init=False)
+    likely: Int[np.ndarray, "paints"] = field(init=False)
+    in_set: Int[np.ndarray, "paints"] = field(init=False)
     in_two_coats: dict[Members, int] = field(default_factory=dict)
     pixel_area: float | None = None
 
@@ -113,11 +113,8 @@ def overview(dataset: "xr.Dataset", most: tuple[int, int] = MOST) -> Overview:
     step = max(1, -(-height // most[0]), -(-width // most[1]))
     coarse = 2 * step if width > step * _PAINT_WIDTH else step
     paints = tuple(str(name) for name in dataset["paint"].values)
-    look = Overview(
-        (height, width), step, coarse, paints, {}, {}, {}, {}, *(np.zeros((0, 0, len(paints))),) * 3, {},
-        np.zeros((0, 0, 3), np.uint8), np.zeros(len(paints), int), np.zeros(len(paints), int),
-        pixel_area=pixel_area(dataset),
-    )  # fmt: skip
+    look = Overview((height, width), step, coarse, paints, pixel_area=pixel_area(dataset))
+    look.likely, look.in_set = np.zeros(len(paints), int), np.zeros(len(paints), int)
     kept: dict[str, list[np.ndarray]] = {}
     for block in _blocks(dataset, look.coarse):
         _count(look, block)
@@ -127,8 +124,8 @@ def overview(dataset: "xr.Dataset", most: tuple[int, int] = MOST) -> Overview:
     look.means = {name: whole[f"mean_{name}"] for name in _MEANS}
     look.examples = {name: whole[name] for name in _EXAMPLES}
     look.colour = np.clip(np.rint(whole["colour"]), 0, 255).astype(np.uint8)
-    for name in ("paint_probability", "paint_amount", "paint_share"):
-        setattr(look, name, whole[name])
+    look.paint_probability, look.paint_amount = whole["paint_probability"], whole["paint_amount"]
+    look.paint_share = whole["paint_share"]
     look.status = {status: count for status, count in look.status.items() if count}
     return look
 

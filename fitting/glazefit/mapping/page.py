@@ -1,7 +1,7 @@
 """The report of a map: one HTML file without anything from elsewhere, and its pictures as PNG files."""
 
 import base64
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
 from importlib.resources import files
@@ -40,7 +40,7 @@ _WAYS = {
     Way.NONE: "not told",
     Way.UPDATED: "from the representative next to it, in closed form",
     Way.SEARCHED: "by a search of its own",
-    Way.COPIED: "as a pixel of the same spectrum",
+    Way.NEIGHBOUR: "from a pixel nearby that was searched, in closed form",
 }
 
 
@@ -311,6 +311,5 @@ def _made(look: Overview, tallies: Mapping[str, float], about: About) -> str:
     return out
 
 
-def _pairs(facts: Mapping[str, str] | Iterable[tuple[str, str]]) -> str:
-    pairs = facts.items() if isinstance(facts, Mapping) else facts
-    return "".join(f"<dt>{escape(name)}</dt><dd>{escape(str(value))}</dd>" for name, value in pairs if value)
+def _pairs(facts: Mapping[str, str]) -> str:
+    return "".join(f"<dt>{escape(name)}</dt><dd>{escape(str(value))}</dd>" for name, value in facts.items() if value)

@@ -1,0 +1,204 @@
+"""The methods that maps are compared with find what their own theory makes, and scores count what they say."""
+
+import numpy as np
+import pytest
+from benchmarks.painting_rivals import (
+    Answer,
+    Choice,
+    Row,
+    Truth,
+    TwoFlux,
+    Unmixed,
+    answer_of_map,
+    answered,
+    by_coats,
+    choose,
+    compared,
+    films,
+    linear,
+    only,
+    sampled,
+    score,
+    spectral_angle,
+    table,
+    truth_of,
+)
+
+from glazefit.mapping.example import painting
+from glazejax.catalogue import load
+from glazejax.radiative.twoflux import saunderson, two_flux_reflectance
+
+GRID = np.linspace(400.0, 700.0, 16)
+NAMES = ("LeadWhite", "BoneBlack", "Vermillion", "UltramarineBlue", "ChromeYellow")
+GROUND = np.full(GRID.size, 0.6)
+
+
+@pytest.fixture(scope="module")
+def paints():
+    catalogue = load()
+    return [catalogue[name].resample(GRID) for name in NAMES]
+
+
+@pytest.fixture(scope="module")
+def flux(paints):
+    return TwoFlux(paints, GROUND)
+
+
+def truth(members, amounts, foreign=None):
+    members = np.array(members)
+    foreign = np.zeros(len(members), bool) if foreign is None else np.array(foreign, bool)
+    return Truth(members, np.array(amounts, float), foreign, np.ones(len(members), int))
+
+
+def test_a_right_answer_in_any_order_is_right_in_all():
+    known = truth([[0, 2, -1], [1, -1, -1], [0, 5, -1]], [[1e-5, 3e-5, 0], [2e-5, 0, 0], [1e-5, 1e-5, 0]], [0, 0, 1])
+    answer = Answer(
+        np.array([[2, 0, -1], [1, -1, -1], [3, -1, -1]]),
+        np.array([[0.75, 0.25, 0], [1, 0, 0], [1, 0, 0]]),
+        np.array([4e-5, 2e-5, np.nan]),
+        np.array([False, False, True]),
+    )
+    found = score(known, answer, ("a", "b", "c", "d", "e", "foreign"))
+    assert found[:3] == (1.0, 1.0, 1.0)
+    np.testing.assert_allclose(found[3:], (0.0, 0.0, 0.0, 1.0), atol=1e-12)
+
+
+def test_what_is_wrong_counts_by_how_much():
+    known = truth([[0, 1, -1]] * 4, [[1e-5, 3e-5, 0]] * 4)
+    answer = Answer(
+        np.array([[1, -1, -1], [0, 1, 2], [1, 0, -1], [2, -1, -1]]),
+        np.array([[1, 0, 0], [0.2, 0.7, 0.1], [0.5, 0.5, 0], [1, 0, 0]]),
+        np.array([4e-5, 4e-5, 8e-5, np.nan]),
+        np.array([True, False, False, False]),
+    )
+    found = score(known, answer, ("a", "b", "c"))
+    assert found.right_set == 0.25
+    assert found.right_main == pytest.approx(0.5)  # a tie goes to the lower number
+    assert found.share_error == pytest.approx(np.mean([0.25, 0.1, 0.25, 1.0]))
+    # 2/4, .4/4 + ..., and 1 of 4e-5 m; that without a thickness does not count.
+    assert found.amount_error == pytest.approx(np.median([0.5, 0.2, 1.0]))
+    assert found.false_none == 0.25
+    assert np.isnan(found.none_found)
+
+
+def test_paints_of_one_pigment_count_as_one_where_pigments_are_asked_for():
+    known = truth([[0, 2, -1], [0, -1, -1]], [[1e-5, 1e-5, 0], [1e-5, 0, 0]])
+    answer = Answer(
+        np.array([[1, 2, -1], [2, -1, -1]]), np.full((2, 3), 0.5), np.full(2, np.nan), np.zeros(2, bool)
+    )  # fmt: skip
+    found = score(known, answer, ("ZincWhite", "ZincWhiteLinseed", "LeadWhite"))
+    assert (found.right_set, found.right_pigments) == (0.0, 0.5)
+
+
+def test_an_answer_names_the_largest_shares_from_the_cut_on():
+    shares = np.array([[0.1, 0.5, 0.04, 0.06, 0.3], [0.0, 0.0, 0.98, 0.02, 0.0], [0.0] * 5])
+    unmixed = Unmixed(shares, np.full(3, 1e-5), np.array([0.1, 0.3, 0.1]))
+    found = answered(unmixed, Choice(0.05, 0.2))
+    np.testing.assert_array_equal(found.members, [[1, 4, 0], [2, -1, -1], [-1, -1, -1]])
+    np.testing.assert_allclose(found.shares, [[5 / 9, 3 / 9, 1 / 9], [1, 0, 0], [0, 0, 0]])
+    np.testing.assert_array_equal(found.none, [False, True, True])
+
+
+def test_the_choice_tells_foreign_pixels_from_others_and_names_what_is_there():
+    known = truth([[0, 1, -1]] * 6, [[9e-6, 1e-6, 0]] * 6, [0, 0, 0, 0, 1, 1])
+    shares = np.tile([0.87, 0.09, 0.04], (6, 1))
+    misfit = np.array([0.1, 0.2, 0.15, 0.9, 0.5, 0.6])
+    found = choose(known, Unmixed(shares, np.full(6, np.nan), misfit), ("a", "b", "c"))
+    # One of four is lost so that both are found.
+    assert 0.2 < found.threshold < 0.5
+    assert 0.04 < found.cut < 0.09
+
+
+def test_films_of_two_fluxes_are_those_of_the_package(flux):
+    rng = np.random.default_rng(0)
+    k, s = 10 ** rng.uniform(-8, 3, (2, 400))
+    k, s = np.append(k, [0.0, 0.0, 3.0]), np.append(s, [0.0, 2.0, 0.0])
+    body = saunderson(two_flux_reflectance(k, s, 0.7), flux.outer, flux.inner)
+    np.testing.assert_allclose(flux.reading(k, s, 0.7), flux.outer + np.asarray(body), atol=1e-9)
+    inside = np.linspace(0.01, 0.95, 20)
+    reading = flux.outer + np.asarray(saunderson(inside, flux.outer, flux.inner))
+    np.testing.assert_allclose(flux.inside(reading), inside, rtol=1e-9)
+
+
+def test_two_constants_are_fitted_to_films_over_black_and_white(flux, paints):
+    assert flux.calibration_error < 0.01
+    exact = films(paints, np.eye(5), 25e-6, np.full(GRID.size, 0.93))
+    ours = flux.reading(flux.absorption * 25e-6, flux.scattering * 25e-6, 0.93)
+    assert np.abs(ours - exact).max() < 0.03
+    # Constants of radiative transfer turned into two are a worse start.
+    k = 2.0 * np.array([np.asarray(p.absorption) for p in paints])
+    s = 0.75 * np.array([np.asarray(p.scattering) for p in paints])
+    assert np.abs(flux.reading(k * 25e-6, s * 25e-6, 0.93) - exact).mean() > np.abs(ours - exact).mean()
+
+
+def test_unmixing_by_two_fluxes_finds_what_two_fluxes_made(flux):
+    amounts = np.array([[2e-5, 0, 4e-6, 0, 0], [0, 1e-7, 0, 8e-6, 0], [1e-5, 0, 0, 3e-6, 2e-6]])
+    spectra = flux.reading(amounts @ flux.absorption, amounts @ flux.scattering, GROUND)
+    found = flux.film(spectra, rounds=300)
+    np.testing.assert_allclose(found.shares * found.thickness[:, None], amounts, atol=2e-8)
+    assert found.misfit.max() < 1e-5
+    shares = amounts / amounts.sum(axis=1, keepdims=True)
+    thick = flux.reading(shares @ flux.absorption * 0.01, shares @ flux.scattering * 0.01, GROUND)
+    hiding = flux.opaque(thick)
+    np.testing.assert_allclose(hiding.shares, shares, atol=2e-3)
+    assert hiding.misfit.max() < 1e-4
+
+
+def test_linear_unmixing_finds_areas_side_by_side(paints):
+    ends = films(paints, np.eye(5), 0.005, GROUND)
+    shares = np.array([[0.2, 0, 0.8, 0, 0], [0, 0.1, 0, 0.5, 0.4]])
+    found = linear(paints, GROUND)(shares @ ends)
+    np.testing.assert_allclose(found.shares, shares, atol=1e-9)
+    layered = linear(paints, GROUND, logarithm=True)(np.exp(shares @ np.log(ends)))
+    np.testing.assert_allclose(layered.shares, shares, atol=1e-9)
+    assert found.misfit.max() < 1e-9
+
+
+def test_the_spectral_angle_finds_an_entry_however_bright_it_is(paints):
+    weights = np.array([[0, 0, 0.75, 0, 0.25], [0, 0, 0, 1.0, 0]])
+    spectra = 0.7 * films(paints, weights, 8e-6, GROUND)
+    found = spectral_angle(paints, GROUND)(spectra)
+    np.testing.assert_allclose(found.shares, weights)
+    np.testing.assert_allclose(found.thickness, 8e-6)
+    assert found.misfit.max() < 1e-3
+    pure = spectral_angle(paints, GROUND, pairs=False)(spectra)
+    assert (pure.shares.max(axis=1) == 1).all()
+    assert pure.misfit[0] > found.misfit[0]
+
+
+def test_pixels_are_drawn_with_their_truth_and_a_perfect_map_is_right():
+    scene = painting((100, 40), GRID, seed=5)
+    spectra, known, where = sampled(scene, 300, seed=2)
+    rows, full = scene.rows(0, 100), scene.truth(0, 100)
+    assert len({tuple(place) for place in where}) == 300
+    np.testing.assert_allclose(spectra, rows[where[:, 0], where[:, 1]], atol=2e-6)
+    np.testing.assert_array_equal(known.members, full["members"][where[:, 0], where[:, 1]])
+    every = truth_of(full)
+    thickness = every.amounts.sum(axis=1)
+    arrays = {
+        "members": np.where(every.foreign[:, None], -1, every.members).reshape(100, 40, 3),
+        "fraction": (every.amounts / thickness[:, None]).reshape(100, 40, 3),
+        "thickness": thickness.reshape(100, 40),
+        "explained": ~every.foreign.reshape(100, 40),
+    }
+    found = score(every, answer_of_map(arrays), scene.names)
+    np.testing.assert_allclose(found, (1, 1, 1, 0, 0, 0, 1), atol=1e-6)
+    part = only(every, answer_of_map(arrays), every.coats == 3)
+    assert set(part[0].coats) == {3}
+    assert score(*part, scene.names).right_set == 1
+    mixed = dict(arrays, members=np.where((every.coats == 2).reshape(100, 40, 1), -1, arrays["members"]))
+    assert by_coats(every, answer_of_map(mixed), scene.names) == (1, 0, 1)
+
+
+def test_rivals_are_compared_on_one_painting_and_practise_on_another():
+    scene, other = painting((48, 64), GRID, seed=0), painting((48, 64), GRID, seed=1)
+    rows = compared(scene, other, 60)
+    assert len(rows) == 6
+    for row in rows:
+        assert np.all((np.array(row.score[:4]) >= 0) & (np.array(row.score[:4]) <= 1))
+        assert row.seconds > 0
+    lines = table([*rows, Row("glazejax", rows[0].score, 1e-3, (0.5, 0.5, 0.5))])
+    assert len(lines) == 9
+    assert len({len(line) for line in lines}) == 1
+    with pytest.raises(ValueError, match="same paints and wavelengths"):
+        compared(scene, painting((48, 64), 20), 10)
