@@ -174,8 +174,8 @@ def _truth(results: Results, where: Path, side: int, bands: int, pixels: int) ->
     found = open_map(where / "map.zarr")
     _, truth, places = sampled(scene, pixels)
     arrays = {name: _picked(found[name].values, places) for name in found.data_vars}
-    from glazefit.mapping.agreement import agreement
     from glazefit.film.films import Noise
+    from glazefit.mapping.agreement import agreement
     from glazefit.mapping.task import map_task
 
     results()
