@@ -1,7 +1,7 @@
 """What the options of `glazejax map` say, read into what the library takes."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -132,6 +132,33 @@ def read_spots(texts: Sequence[str], taken: Sequence[str]) -> dict[str, str]:
     return found
 
 
+def read_spectra_of_spots(
+    places: Mapping[str, str], cube: "xarray.DataArray"
+) -> "dict[str, Float[np.ndarray, 'bands']]":
+    """Mean spectra of spots by name, at all bands of a cube.
+
+    Args:
+        places: by name; see `glazejax.io.read_spot`.
+        cube: as it was opened.
+
+    Raises:
+        FileNotFoundError: neither a place nor a file.
+        ValueError: a place outside of the cube, or without readings at some bands.
+    """
+    import numpy as np
+
+    from glazejax.io import read_spot
+
+    found = {}
+    for name, place in places.items():
+        spectrum = read_spot(cube, place).reflectance
+        if (missing := int((~np.isfinite(spectrum)).sum())) > 0:
+            raise ValueError(f"--spot {name}={place}: {missing} bands have no reading there; choose another place, or "
+                             "leave those bands out with --bands")  # fmt: skip
+        found[name] = spectrum
+    return found
+
+
 def read_ground_of_cube(
     text: str | None,
     bare: bool,
@@ -165,8 +192,8 @@ def read_ground_of_cube(
     first, last = max(float(p.wavelengths[0]) for p in paints), min(float(p.wavelengths[-1]) for p in paints)
     inside = (grid >= first) & (grid <= last)
     if not inside.any():
-        raise ValueError(f"{cube.attrs.get('path', 'the cube')}: its bands ({describe_grid(grid)}) lie outside of those "
-                         f"of the paints, {first:g} to {last:g} nm")  # fmt: skip
+        raise ValueError(f"{cube.attrs.get('path', 'the cube')}: its bands ({describe_grid(grid)}) lie outside "
+                         f"of those of the paints, {first:g} to {last:g} nm")  # fmt: skip
     notes: tuple[str, ...] = ()
     if text.startswith(_CUBE):
         from glazejax.io import read_spot

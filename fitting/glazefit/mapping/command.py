@@ -1,7 +1,5 @@
 """The command `glazejax map`: an image of spectra in; which paints, how much and how thick, pixel by pixel, out."""
 
-import inspect
-import shlex
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
@@ -15,8 +13,6 @@ from glazejax.commands import options, progress
 if TYPE_CHECKING:
     import xarray
     from rich.console import Console
-
-    from glazejax.io import CubeSource
 
     from .store import MapStore
 
@@ -150,6 +146,7 @@ def map_(
         read_binning,
         read_ground_of_cube,
         read_memory,
+        read_spectra_of_spots,
         read_spots,
         read_wavelengths,
         read_white,
@@ -169,7 +166,8 @@ def map_(
         "binning": read_binning(binned),
         "bands": read_bands(bands),
     }
-    _check_outputs(out, {"CUBE": cube, "--mask": mask}, csv, export, report, overwrite)
+    given_files = {"--mask": mask, "--white": white, "--dark": dark, "--pigments": pigments}
+    _check_outputs(out, {"CUBE": cube, **given_files}, csv, export, report, overwrite)
     seen_by = options.read_geometry(geometry, _GEOMETRY)
     from glazejax.commands.main import start_jax
 
@@ -194,7 +192,7 @@ def map_(
             without = made["without"]
     assert cube is not None
     paints = options.choose_paints(options.read_shelf(pigments, catalogue), only, without)
-    further = read_spots(spots, [paint.name for paint in paints])
+    places = read_spots(spots, [paint.name for paint in paints])
     instrument = Instrument(seen_by, refractive_index)
     # Workers of a cluster have another folder of their own.
     source = CubeSource(cube.absolute(), **reading)
@@ -203,14 +201,14 @@ def map_(
     below, words, notes = read_ground_of_cube(ground, bare, opened, paints, instrument)
     progress.print_notes(console, "--ground", notes)
     given = {"floor": noise, "share": noise_share}
-    with connected(scheduler) as client, _bar() as told, _kept(out, console):
+    with _kept(out, console), connected(scheduler) as client, _bar() as told:
         found = map_cube(
             source,
             paints,
             grounds=below,
             out=out,
             mask=mask,
-            spots=further or None,
+            spots=read_spectra_of_spots(places, opened),
             instrument=instrument,
             noise=None if noise is noise_share is None else Noise(**{k: v for k, v in given.items() if v is not None}),
             discrepancy=BETWEEN_FILMS if model_error is None else replace(BETWEEN_FILMS, amplitude=model_error),
@@ -222,10 +220,16 @@ def map_(
             overwrite=overwrite,
             told=told,
         )
-    facts = {"ground": words, "instrument": f"{seen_by.describe()}, refractive index {refractive_index:g}"}
-    store = MapStore.open(out)
-    _write(store, found, opened, console, csv, export, report, overwrite, lambda: _about(typed, source, found, facts))
+    facts = {"Ground": words, "Instrument": f"{seen_by.describe()}, refractive index {refractive_index:g}"}
+
+    def about() -> Any:
+        from .about import about_map, command_line, ground_file
+
+        read = {**given_files, "--ground": ground_file(ground)}
+        return about_map(command_line(map_, "map", typed, ("cube",)), typed, source.path, read, found, facts)
+
     console.print(f"Wrote the map to {out}")
+    _write(MapStore.open(out), found, opened, console, csv, export, report, overwrite, about)
 
 
 def _check_outputs(
@@ -341,51 +345,10 @@ def _write(
 
         with progress.doing(f"writing {export}"):
             files = export_map(store.path, export, overwrite=overwrite)
-        console.print(f"Wrote the map to {' and '.join(map(str, files))}")
+        console.print(f"Wrote it as {' and '.join(map(str, files))} too")
     if report is not None:
         from .page import write_report
 
         with progress.doing("writing the report"):
             page = write_report(found, tallies, sets, about(), report, cube=opened, overwrite=overwrite)
         console.print(f"Wrote the report to {page}")
-
-
-def _about(typed: Mapping[str, Any], source: "CubeSource", found: "xarray.Dataset", facts: Mapping[str, str]) -> Any:
-    """How the map was made, for its report."""
-    import platform
-    from datetime import datetime
-    from importlib.metadata import version
-
-    from .page import About
-
-    attrs = found.attrs
-
-    def words(name: str) -> dict[str, str]:
-        return {str(key): str(value) for key, value in dict(attrs.get(name, {})).items()}
-
-    return About(
-        title=Path(source.path).name,
-        created=datetime.now().astimezone().isoformat(timespec="seconds"),
-        command=_command(typed),
-        facts={**facts, "paints": ", ".join(str(name) for name in found["paint"].values)},
-        options={f"--{name.replace('_', '-')}": str(value) for name, value in typed.items() if name != "cube"},
-        versions=words("versions") or {name: version(name) for name in ("glazejax", "jax", "numpy", "zarr", "xarray")},
-        platform=platform.platform(),
-        inputs=[(entry["role"], entry["name"], entry["sha256"]) for entry in attrs.get("inputs", ())],
-        shortcuts=words("shortcuts"),
-        agreement=words("agreement"),
-        notes=tuple(map(str, attrs.get("notes", ()))),
-    )
-
-
-def _command(typed: Mapping[str, Any]) -> str:
-    """The command line, with the options that differ from what they are by default."""
-    usual = inspect.signature(map_).parameters
-    line = ["glazejax", "map", *([] if typed["cube"] is None else [str(typed["cube"])])]
-    for name, value in typed.items():
-        if name == "cube" or value == usual[name].default:
-            continue
-        option = "--bin" if name == "binned" else f"--{name.replace('_', '-')}"
-        for each in value if isinstance(value, list) else [value]:
-            line += [option] if each is True else [option, str(each)]
-    return shlex.join(line)

@@ -56,7 +56,7 @@ def print_map(dataset: "xarray.Dataset", sets: Mapping[Members, SetSum], console
     if not mapped:
         return
     paints = [str(name) for name in dataset["paint"].values]
-    table = plain_table("paints", "pixels", "share of area", "mean thickness", "misfit of the mean")
+    table = plain_table("paints", "pixels", "area", "thickness", "misfit")
     ordered = by_area(sets)
     for members, one in ordered[:top]:
         row = _row(members, one, paints, mapped)
