@@ -203,7 +203,7 @@ def test_a_map_its_report_its_table_and_its_exports_are_written(tmp_path, monkey
     assert again.exception is None, again.output
     other = run(cube, "--ground", "0.9", "--only", "ZincWhite", "--out", "panel.zarr")
     assert "was begun with other options (paints: " in str(other.exception)
-    anew = run(cube, "--ground", "0.9", "--only", "ZincWhite,Umber", *files, "--overwrite")
+    anew = run(cube, "--ground", "0.9", "--only", "ZincWhite,BoneBlack", *files, "--overwrite")
     assert anew.exception is None, anew.output
     assert json.loads((tmp_path / "panel.zarr" / "zarr.json").read_text())["attributes"]["paints"] == [
         "ZincWhite",
@@ -260,7 +260,7 @@ def test_ground_and_spots_are_measured_in_the_cube(tmp_path, monkeypatch, cube, 
 
 def test_a_ground_needs_to_be_known_only_where_paints_are(tmp_path, monkeypatch, cube, mapped):
     monkeypatch.chdir(tmp_path)
-    paints = [f"Own,{nm:g},1000,50000" for nm in np.arange(450.0, 641.0, 10.0)]
+    paints = [f"{name},{nm:g},1000,50000" for name in ("Own", "Other") for nm in np.arange(450.0, 641.0, 10.0)]
     Path("own.csv").write_text("\n".join(["pigment,wavelength_nm,absorption,scattering", *paints]) + "\n")
     Path("ground.csv").write_text("Name,450,550,650\ncard,0.5,0.6,0.7\n")
     done = run(cube, "--pigments", "own.csv", "--ground", "ground.csv")
@@ -294,7 +294,7 @@ def test_the_example_is_made_and_mapped(tmp_path, monkeypatch, mapped):
     assert {paint.name for paint in mapped[0]["pigments"]} == {paint.name for paint in made.paints}
     # A second run maps the same painting.
     before = (tmp_path / "small-example" / "painting.dat").stat().st_mtime_ns
-    assert run("--example", "--out", "small.zarr", "--opaque", "--only", "ZincWhite", "--overwrite").exception is None
+    assert run("--example", "--out", "small.zarr", "--opaque", "--only", "ZincWhite,BoneBlack", "--overwrite").exception is None
     assert (tmp_path / "small-example" / "painting.dat").stat().st_mtime_ns == before
     assert mapped[1]["grounds"] is None
-    assert [paint.name for paint in mapped[1]["pigments"]] == ["ZincWhite"]
+    assert [paint.name for paint in mapped[1]["pigments"]] == ["ZincWhite", "BoneBlack"]
