@@ -106,7 +106,7 @@ OLD_SPECULAR = {
     "--specular": Reaches("--no-specular", geometry, Hemispherical(8.0, specular=False)),
 }
 OWN_PAINTS = "--pigments paints.csv"
-BARE_CUBE, WHITE = "cube.npy --wavelengths bands.txt", "cube.npy --wavelengths bands.txt --ground 0.5 --white white.csv"
+BARE_CUBE, WHITE = "cube.npy --wavelengths bands.txt", "cube.npy --wavelengths bands.txt --ground 0.5 --white white.txt"
 TABLE: dict[str, dict[str, Reaches | Looked]] = {
     "render": {
         "--layers": Reaches(
@@ -282,8 +282,8 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
                                  base="cube.npy --ground 0.5"),
         "--dataset": Reaches("--dataset two", lambda g: g["cube"].dataset, "two",
                              base="cubes.nc --wavelengths bands.txt --ground 0.5"),
-        "--white": Reaches("--white white.csv", lambda g: g["cube"].white, Path("white.csv")),
-        "--dark": Reaches("--dark dark.csv", lambda g: g["cube"].dark, Path("dark.csv"), base=WHITE),
+        "--white": Reaches("--white white.txt", lambda g: g["cube"].white, Path("white.txt")),
+        "--dark": Reaches("--dark dark.txt", lambda g: g["cube"].dark, Path("dark.txt"), base=WHITE),
         "--white-reflectance": Reaches("--white-reflectance 0.9", lambda g: g["cube"].white_reflectance, 0.9, base=WHITE),
         "--scale": Reaches("--scale 1.25", lambda g: g["cube"].scale, 1.25),
         "--window": Reaches("--window 1:4,0:3", lambda g: g["cube"].window, (0, 3, 1, 4)),
@@ -356,8 +356,8 @@ def _reach(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], Reached | No
     np.save("other.npy", np.full((4, 5, GRID.size), 0.6, np.float32))
     np.savetxt("bands.txt", GRID)
     Path("corner.csv").write_text("0,0\n3,0\n0,3\n")
-    table("white.csv", {"white": 0.9})
-    table("dark.csv", {"dark": 0.01})
+    np.savetxt("white.txt", np.full(GRID.size, 0.9))
+    np.savetxt("dark.txt", np.full(GRID.size, 0.01))
     _two_cubes("cubes.nc")
     Path("paints.csv").write_text("\n".join(["pigment,wavelength_nm,absorption,scattering", *paints]) + "\n")
 

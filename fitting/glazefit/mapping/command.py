@@ -43,7 +43,9 @@ def map_(
     ] = Path("map.zarr"),
     wavelengths: Annotated[str, _option("Wavelengths, if the cube has none: a file, or nm with commas.", "NM")] = "",
     dataset: Annotated[str, _option("Array of a zarr, NetCDF or HDF5 file, if there are several.", "NAME")] = "",
-    white: Annotated[Path | None, _option("Reading of a white: cube, frame, line or spectrum.", "FILE")] = None,
+    white: Annotated[
+        Path | None, _option("Reading of a white: cube, frame, line, or a list of numbers.", "FILE")
+    ] = None,
     dark: Annotated[Path | None, _option("Reading without light, of the same kinds.", "FILE")] = None,
     white_reflectance: Annotated[
         str, _option("The white's own reflectance, a number or a file of its spectrum. Default: 1.", "R")
