@@ -63,8 +63,8 @@ def test_what_is_no_key_of_a_window_is_refused(key: str):
 def test_windows_fit_the_memory_whatever_the_size(shape):
     for memory in (2**30, 2**31, 2**33):
         rows, columns = chunk_shape(shape, 200, 64, memory)
-        assert 1 <= rows <= min(256, shape[0])
-        assert 1 <= columns <= min(256, shape[1])
+        assert 1 <= rows <= min(512, shape[0])
+        assert 1 <= columns <= min(512, shape[1])
         assert 600 * 2**20 + rows * columns * 200 * 64 <= memory
         # No window is a thin strip beside large ones.
         assert (-shape[0]) % rows < shape[0] / 2 + 1
