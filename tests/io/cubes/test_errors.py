@@ -135,7 +135,7 @@ def test_folders_of_tiffs_that_do_not_belong_together(tmp_path):
     tifffile.imwrite(path / "f480.tif", np.ones((LINES, SAMPLES), "u1"))
     refused(path / "f480.tif".replace("f480.tif", ""), "uint8 where f400.tif has")
     (path / "f480.tif").write_bytes(b"no")
-    refused(path, "f480.tif: not a whole TIFF")
+    refused(path, "f480.tif: cannot be read; is the file whole?")
 
 
 def test_folder_of_tiffs_without_wavelengths(tmp_path):
