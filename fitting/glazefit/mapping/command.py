@@ -173,6 +173,9 @@ def map_(
     seen_by = options.read_geometry(geometry, _GEOMETRY)
     from glazejax.commands.main import start_jax
 
+    from .memory import few_arenas
+
+    few_arenas()
     start_jax()
     from rich.console import Console
 
