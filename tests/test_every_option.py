@@ -42,6 +42,7 @@ ENGINES = {
         "glazefit.posterior.of_coats:posterior_of_coats",
         "glazefit.film.simulate:simulate_films",
     ],
+    "map": ["glazefit.mapping.map_cube:map_cube"],
 }
 
 
@@ -92,6 +93,7 @@ USUAL = {
     "predict": "1*ZincWhite",
     "recipe": "--lab 50,20,30",
     "posterior": f"{FILMS} --sample one --paints CobaltBlue,ZincWhite --out found",
+    "map": "cube.npy --wavelengths bands.txt --ground 0.5",
 }
 INSTRUMENT = {
     "--geometry": Reaches("--geometry d:0", geometry, Hemispherical(0.0)),
@@ -104,6 +106,7 @@ OLD_SPECULAR = {
     "--specular": Reaches("--no-specular", geometry, Hemispherical(8.0, specular=False)),
 }
 OWN_PAINTS = "--pigments paints.csv"
+BARE_CUBE, WHITE = "cube.npy --wavelengths bands.txt", "cube.npy --wavelengths bands.txt --ground 0.5 --white white.txt"
 TABLE: dict[str, dict[str, Reaches | Looked]] = {
     "render": {
         "--layers": Reaches(
@@ -272,6 +275,47 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--simulate": Reaches("--out found --paints Eosin --simulate", lambda g: g["names"], ["simulated"], base=" ",
                               engine="simulate_films"),
     },
+    "map": {
+        "cube": Reaches("other.npy", lambda g: g["cube"].path.name, "other.npy",
+                        base="--wavelengths bands.txt --opaque"),
+        "--out": Reaches("--out other.zarr", lambda g: g["out"].name, "other.zarr"),
+        "--wavelengths": Reaches("--wavelengths bands.txt", lambda g: g["cube"].wavelengths, Path("bands.txt"),
+                                 base="cube.npy --ground 0.5"),
+        "--dataset": Reaches("--dataset two", lambda g: g["cube"].dataset, "two",
+                             base="cubes.nc --wavelengths bands.txt --ground 0.5"),
+        "--white": Reaches("--white white.txt", lambda g: g["cube"].white, Path("white.txt")),
+        "--dark": Reaches("--dark dark.txt", lambda g: g["cube"].dark, Path("dark.txt"), base=WHITE),
+        "--white-reflectance": Reaches("--white-reflectance 0.9", lambda g: g["cube"].white_reflectance, 0.9,
+                                       base=WHITE),
+        "--scale": Reaches("--scale 1.25", lambda g: g["cube"].scale, 1.25),
+        "--window": Reaches("--window 1:4,0:3", lambda g: g["cube"].window, (0, 3, 1, 4)),
+        "--mask": Reaches("--mask corner.csv", lambda g: g["mask"], Path("corner.csv")),
+        "--bin": Reaches("--bin 2", lambda g: g["cube"].binning, (2, 2, 1)),
+        "--bands": Reaches("--bands 420-650", lambda g: g["cube"].bands, (420.0, 650.0)),
+        "--pigments": Reaches(OWN_PAINTS, lambda g: [*map(name_of, g["pigments"])], ["ZincWhite", "Own"]),
+        "--catalogue": Reaches("--catalogue acrylics", lambda g: name_of(g["pigments"][-1]), "TitaniumWhite"),
+        "--only": Reaches("--only Eosin,ZincWhite", lambda g: {*map(name_of, g["pigments"])}, {"Eosin", "ZincWhite"}),
+        "--without": Reaches("--without Eosin", lambda g: "Eosin" in {*map(name_of, g["pigments"])}, False),
+        "--spot": Reaches("--spot Grey=1,1", lambda g: [*g["spots"]], ["Grey"]),
+        "--ground": Reaches("--ground 0.3", grounds, 0.3),
+        "--bare": Reaches("--bare", lambda g: 0.5 < grounds(g) < 0.8, True),
+        "--opaque": Reaches("--opaque", grounds, None, base=BARE_CUBE),
+        "--max-paints": Reaches("--max-paints 1", lambda g: g["max_paints"], 1),
+        "--layers": Reaches("--layers 2", lambda g: g["layers"], 2),
+        "--geometry": INSTRUMENT["--geometry"],
+        "--refractive-index": INSTRUMENT["--refractive-index"],
+        "--noise": Reaches("--noise 0.01", lambda g: g["noise"] and g["noise"].floor, 0.01),
+        "--noise-share": Reaches("--noise-share 0.07", lambda g: g["noise"] and g["noise"].share, 0.07),
+        "--model-error": Reaches("--model-error 0.02", lambda g: g["discrepancy"].amplitude, 0.02),
+        "--thickness": Reaches("--thickness 40um", lambda g: g["prior"].thickness, pytest.approx(40e-6)),
+        "--memory": Reaches("--memory 3GiB", lambda g: g["memory"], 3 * 2**30),
+        "--scheduler": Looked("mapping/test_command.py:test_a_dask_scheduler_is_asked"),
+        "--report": Looked("mapping/test_command.py:test_a_map_its_report_its_table_and_its_exports_are_written"),
+        "--csv": Looked("mapping/test_command.py:test_a_map_its_report_its_table_and_its_exports_are_written"),
+        "--export": Looked("mapping/test_command.py:test_a_map_its_report_its_table_and_its_exports_are_written"),
+        "--overwrite": Reaches("--overwrite", lambda g: g["overwrite"], True),
+        "--example": Looked("mapping/test_command.py:test_the_example_is_made_and_mapped"),
+    },
 }  # fmt: skip
 
 
@@ -281,6 +325,15 @@ def reach(tmp_path_factory):
     with pytest.MonkeyPatch.context() as monkeypatch:
         monkeypatch.chdir(tmp_path_factory.mktemp("options"))
         yield functools.cache(_reach(monkeypatch))
+
+
+def _two_cubes(path: str) -> None:
+    """A file of two images, of which one must be named."""
+    import h5py
+
+    with h5py.File(path, "w") as file:
+        for name in ("one", "two"):
+            file[name] = np.full((4, 5, GRID.size), 0.4, np.float32)
 
 
 def _reach(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], Reached | None]:
@@ -301,6 +354,13 @@ def _reach(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], Reached | No
     Path("mixtures.tsv").write_text("one\tRed-White|100-0\ntwo\tRed-White|40-60\n")
     Path("other.tsv").write_text("one\tUmber|100\ntwo\tUmber-White|40-60\n")
     paints = [f"{name},{w:g},1000,50000" for name in ("ZincWhite", "Own") for w in np.arange(380.0, 731.0, 10.0)]
+    np.save("cube.npy", np.full((4, 5, GRID.size), 0.4, np.float32))
+    np.save("other.npy", np.full((4, 5, GRID.size), 0.6, np.float32))
+    np.savetxt("bands.txt", GRID)
+    Path("corner.csv").write_text("0,0\n3,0\n0,3\n")
+    np.savetxt("white.txt", np.full(GRID.size, 0.9))
+    np.savetxt("dark.txt", np.full(GRID.size, 0.01))
+    _two_cubes("cubes.nc")
     Path("paints.csv").write_text("\n".join(["pigment,wavelength_nm,absorption,scattering", *paints]) + "\n")
 
     def records(name: str, signature: inspect.Signature) -> Callable[..., None]:
@@ -350,6 +410,7 @@ def test_the_computation_gets_what_the_option_says(reach, command: str, option: 
     ("command", "function", "names"),
     [
         ("identify", glazefit.identify, {"max_paints", "layers", "thorough"}),
+        ("map", glazefit.map_cube, {"max_paints", "layers", "memory", "overwrite", "noise"}),
         ("posterior", glazefit.posterior_of_film, {"steps", "walkers", "thin", "seed", "resume", "overwrite"}),
         ("recipe", glazefit.find_recipes, {"refractive_index", "test_illuminant", "max_paints", "max_layers", "count",
                                            "metamerism", "seed", "thickness"}),

@@ -1,16 +1,16 @@
 """What the closed form costs: pixels answered by it beside the same searched in full."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, fields
 
 import numpy as np
 from jaxtyping import Float
 
 from ..identify.result import NOBODY, Identification, log_sds
-from ..identify.searcher import Searcher
 from ..identify.weigh import weigh
 from .atlas import Atlas
 from .local import as_measured
-from .solver import Image
+from .task import MapTask
 
 _KEPT = 3
 
@@ -42,36 +42,44 @@ class Agreement:
         return {f.name: np.asarray(getattr(self, f.name)) for f in fields(self)}
 
 
-def compare(
-    searcher: Searcher,
-    image: Image,
-    ground: Float[np.ndarray, "bands"] | None,
-    atlas: Atlas,
-    readings: Float[np.ndarray, "spectra bands"],
-) -> Agreement:
+def compare(task: MapTask, atlas: Atlas, readings: Float[np.ndarray, "spectra bands"]) -> Agreement:
     """Answers for spectra in closed form, beside a search of each.
 
     Args:
-        searcher, image, ground, atlas: of the map.
+        task, atlas: of the map.
         readings: of good pixels, at the working bands.
     """
     found, _ = atlas.answers(readings.astype(np.float32))
-    measured = as_measured(searcher, readings, image.noise_sd(readings), ground)
+    thickness = np.where(found.opaque, np.nan, np.exp(found.amounts.astype(float)).sum(axis=1))
+    arrays = {name: getattr(found, name) for name in ("members", "explained", "paint_probability")}
+    return agreement(task, readings, arrays | {"thickness": thickness})
+
+
+def agreement(
+    task: MapTask, readings: Float[np.ndarray, "spectra bands"], mapped: Mapping[str, np.ndarray]
+) -> Agreement:
+    """A map's answers for pixels beside a search of each.
+
+    Args:
+        task: of the map, with its noise.
+        readings: of good pixels, at the working bands.
+        mapped: the map's `members`, `explained`, `paint_probability` and `thickness` for these.
+    """
+    searcher = task.searcher
+    measured = as_measured(searcher, readings, task.image.noise_sd(readings), task.ground)
     parts = [weigh(*one, searcher.paints, searcher.opaque, _KEPT) for one in searcher.search(measured)]
     whole = Identification.join(parts)
-    same = (np.sort(found.members, axis=1) == np.sort(whole.members[:, 0], axis=1)).all(axis=1)
-    apart = np.abs(found.paint_probability - whole.paint_probability).max(axis=1)
-    there = whole.members[:, 0] != NOBODY
-    fractions = np.where(there, whole.fractions[:, 0], 0.0)
-    spread = log_sds(whole.members[:, 0], fractions, whole.log_covariance[:, 0])[2]
-    moved = np.log(np.exp(found.amounts.astype(float)).sum(axis=1) / whole.amounts[:, 0].sum(axis=1))
-    known = same & ~found.opaque
-    amount = np.abs(moved[known] / spread[known])
-    of_amounts = np.quantile(amount, [0.5, 0.9]) if amount.size else np.full(2, np.nan)
+    members = whole.members[:, 0]
+    same = (np.sort(mapped["members"], axis=1) == np.sort(members, axis=1)).all(axis=1)
+    apart = np.abs(mapped["paint_probability"] - whole.paint_probability).max(axis=1)
+    fractions = np.where(members != NOBODY, whole.fractions[:, 0], 0.0)
+    spread = log_sds(members, fractions, whole.log_covariance[:, 0])[2]
+    known = same & np.isfinite(mapped["thickness"])
+    moved = np.log(mapped["thickness"][known] / whole.amounts[known, 0].sum(axis=1)) / spread[known]
     return Agreement(
         np.asarray(len(readings)),
         same.mean(),
-        (found.explained == whole.explained).mean(),
+        (mapped["explained"].astype(bool) == whole.explained).mean(),
         *np.quantile(apart, [0.5, 0.9]),
-        *of_amounts,
+        *(np.quantile(np.abs(moved), [0.5, 0.9]) if moved.size else np.full(2, np.nan)),
     )

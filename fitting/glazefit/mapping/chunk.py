@@ -80,7 +80,9 @@ def pack(tallies: Mapping[str, float], sets: Mapping[Members, SetSum]) -> bytes:
         pixels=np.array([s.pixels for _, s in rows], np.int64),
         thickness=np.array([s.thickness[0] for _, s in rows], np.float64),
         with_thickness=np.array([s.thickness[1] for _, s in rows], np.int64),
-        **{name: _stacked(getattr(s, name) for _, s in rows) for name in ("spectrum", "fitted", "square")},
+        spectrum=_stacked(s.spectrum for _, s in rows),
+        fitted=_stacked(s.fitted for _, s in rows),
+        square=_stacked(s.square for _, s in rows),
     )
     return file.getvalue()
 

@@ -72,7 +72,8 @@ def on_cluster(
     names, waiting = {}, iter(todo)
 
     def fill() -> None:
-        room = _IN_FLIGHT * max(len(client.nthreads()), 1) - len(names)
+        workers: Any = client.nthreads()
+        room = _IN_FLIGHT * max(len(workers), 1) - len(names)
         # The count comes first: `zip` would take one key more than it gives.
         for _, key in zip(range(room), waiting, strict=False):
             future = client.submit(_do, name, key, key=f"{name}-{key}", retries=_RETRIES, pure=False)

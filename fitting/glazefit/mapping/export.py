@@ -101,7 +101,7 @@ def export_map(
 
 
 def _write_netcdf(store: MapStore, path: Path) -> None:
-    import dask
+    from dask.config import set as configured
 
     dataset = open_map(store.path)
     dataset.attrs = _flat(dataset.attrs)
@@ -124,7 +124,7 @@ def _write_netcdf(store: MapStore, path: Path) -> None:
         if name not in BY_NAME and array.dtype.kind == "f":
             encoding[str(name)] = {"_FillValue": None}
     # One window after another: the cores would only hold more of them in memory.
-    with dask.config.set(scheduler="synchronous"):
+    with configured(scheduler="synchronous"):
         dataset.chunk({"y": store.chunk[0], "x": store.chunk[1]}).to_netcdf(path, engine="h5netcdf", encoding=encoding)
 
 

@@ -7,6 +7,7 @@ import re
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -70,7 +71,8 @@ class KeyedResults:
         if objects := [name for name, array in result.items() if np.asarray(array).dtype.hasobject]:
             raise ValueError(f"{objects[0]!r} of the result {key!r} is an array of Python objects; keep numbers")
         file = io.BytesIO()
-        np.savez(file, **result)
+        named: dict[str, Any] = dict(result)
+        np.savez(file, **named)
         write_whole(self._path(key), file.getvalue())
 
     def get(self, key: str, names: Sequence[str] | None = None) -> dict[str, np.ndarray]:

@@ -161,7 +161,8 @@ class MapStore:
                 given = maps.arrays.get(variable.name)
                 fill = np.asarray(variable.fill).astype(variable.dtype)
                 rows, columns = window.slices
-                group[variable.name][rows, columns] = fill if given is None else given.astype(variable.dtype)
+                array: Any = group[variable.name]
+                array[rows, columns] = fill if given is None else given.astype(variable.dtype)
             for file in self._files(window):
                 sync(file)
             self._marks.mkdir(parents=True, exist_ok=True)
@@ -245,13 +246,13 @@ def open_map(path: str | Path) -> "xarray.Dataset":
     """
     require("xarray", "zarr")
     import xarray
-    import zarr
+    from zarr.storage import LocalStore
 
     from .unmarked import hide_unmarked
 
     store = MapStore.open(path)
     done = {(window.y0 // store.chunk[0], window.x0 // store.chunk[1]) for window in store.done()}
-    files = zarr.storage.LocalStore(store.path, read_only=True)
+    files = LocalStore(store.path, read_only=True)
     shown = files if len(done) == len(store.windows()) else hide_unmarked(files, done)
     return xarray.open_zarr(shown, consolidated=True, chunks=None)
 

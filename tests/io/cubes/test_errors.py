@@ -9,7 +9,7 @@ import zarr as zarr_package
 
 from glazejax.io import CubeSource, open_cube, write_table
 
-from .images import BANDS, LINES, SAMPLES, WAVELENGTHS, envi, every, hdf5, image, labelled, tiff, tiffs, zarr
+from .images import BANDS, KINDS, LINES, SAMPLES, WAVELENGTHS, envi, every, hdf5, image, labelled, tiff, tiffs, zarr
 
 
 def refused(path, complaint, kind: type[Exception] = ValueError, **further):
@@ -130,12 +130,32 @@ def test_files_cut_short(tmp_path, kind):
         assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("kind", KINDS)
+def test_damaged_files_are_read_or_refused_in_one_line(tmp_path, kind):
+    further = every(tmp_path, image())[kind]
+    path = further.pop("path")
+    rng = np.random.default_rng(0)
+    for _ in range(12):
+        file = path if path.is_file() else rng.choice(sorted(f for f in path.rglob("*") if f.is_file()))
+        content = file.read_bytes()
+        damaged = np.frombuffer(content, "u1").copy()
+        damaged[rng.integers(0, min(damaged.size, 600), 3)] = rng.integers(0, 256, 3)
+        file.write_bytes(damaged.tobytes())
+        try:
+            open_cube(path, **further).load()
+        except (ValueError, OSError) as error:
+            message = str(error)
+            assert "\n" not in message
+            assert path.stem in message or file.stem in message
+        file.write_bytes(content)
+
+
 def test_folders_of_tiffs_that_do_not_belong_together(tmp_path):
     path = tiffs(tmp_path, image(), form="f{:g}.tif")
     tifffile.imwrite(path / "f480.tif", np.ones((LINES, SAMPLES), "u1"))
     refused(path / "f480.tif".replace("f480.tif", ""), "uint8 where f400.tif has")
     (path / "f480.tif").write_bytes(b"no")
-    refused(path, "f480.tif: not a whole TIFF")
+    refused(path, "f480.tif: cannot be read; is the file whole?")
 
 
 def test_folder_of_tiffs_without_wavelengths(tmp_path):

@@ -3,9 +3,9 @@
 from pathlib import Path
 
 from ..sniff import identify
-from ..source import opened, refusal
+from ..source import explained, opened, refusal
 from .arrays import envi_cube, npy_cube
-from .raw import RawCube
+from .raw import RawCube, whole
 from .stores import classic_cube, hdf5_cube, zarr_cube
 from .tiffs import TIFF, tiff_cube, tiff_folder
 
@@ -23,25 +23,27 @@ def raw_cube(path: Path, dataset: str | None = None, count: int | None = None) -
         OSError: the system cannot read it.
         ValueError: no image of spectra, or not a legal one.
     """
-    if path.is_dir():
-        if any((path / name).exists() for name in _ZARR):
+    stored = path.is_dir() and any((path / name).exists() for name in _ZARR)
+    head, known = b"", True
+    if not path.is_dir():
+        with opened(path) as source:
+            head = source.head
+            known = head.startswith(_HEADS) or identify(source) in ("envi header", "envi data")
+    with explained(path), whole(path):
+        if stored or (head.startswith(_ZIP) and path.suffix.lower() == ".zip"):
             return zarr_cube(path, dataset, count)
-        _no_dataset(path, dataset)
-        return tiff_folder(path, count)
-    with opened(path) as source:
-        head = source.head
-        known = head.startswith(_HEADS) or identify(source) in ("envi header", "envi data")
-    if head.startswith(_HDF5):
-        return hdf5_cube(path, dataset, count)
-    if head.startswith(_CLASSIC):
-        return classic_cube(path, dataset, count)
-    if head.startswith(_ZIP) and path.suffix.lower() == ".zip":
-        return zarr_cube(path, dataset, count)
-    _no_dataset(path, dataset)
+        if head.startswith(_HDF5):
+            return hdf5_cube(path, dataset, count)
+        if head.startswith(_CLASSIC):
+            return classic_cube(path, dataset, count)
+        if dataset is not None:
+            raise refusal(path, f"this kind of file has no datasets; leave {dataset!r} out")
+        if path.is_dir():
+            return tiff_folder(path, count)
+        if head.startswith(TIFF):
+            return tiff_cube(path, count)
     if head.startswith(_NPY):
         return npy_cube(path, count)
-    if head.startswith(TIFF):
-        return tiff_cube(path, count)
     if not known:
         raise refusal(path, "not an image of spectra that is known: ENVI, zarr, NetCDF, HDF5, TIFF, .npy")
     return envi_cube(path, count)
@@ -53,9 +55,3 @@ _CLASSIC = (b"CDF\x01", b"CDF\x02")
 _HEADS = (_HDF5, _NPY, _ZIP, *_CLASSIC, *TIFF)
 # Files that a store of zarr has.
 _ZARR = ("zarr.json", ".zgroup", ".zarray", ".zmetadata")
-
-
-def _no_dataset(path: Path, dataset: str | None) -> None:
-    """Refuse a dataset's name where files have none."""
-    if dataset is not None:
-        raise refusal(path, f"this kind of file has no datasets; leave {dataset!r} out")

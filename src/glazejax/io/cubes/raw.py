@@ -2,7 +2,8 @@
 
 import mmap
 import threading
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -11,12 +12,32 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from ..cube import is_mark
-from ..source import refusal
+from ..source import refusal, shown
 
 # Bytes of a mapped file that are let go together.
 _MAPPED = 1 << 26
 # What the system maps around a byte that is read.
 _AROUND = 1 << 16
+
+
+@contextmanager
+def whole(path: Path) -> Iterator[None]:
+    """What other packages say of a damaged file, each in its own way, as one sentence that names the file.
+
+    Raises:
+        ValueError: whatever they raised, but for what the system says and for a package that is missing.
+    """
+    try:
+        yield
+    except ImportError:
+        raise
+    except MemoryError:
+        raise refusal(path, "what is asked for does not fit into this machine's memory; is the file whole?") from None
+    except Exception as error:
+        told = isinstance(error, ValueError | OSError) and shown(path) in str(error)
+        if told or (isinstance(error, OSError) and error.strerror is not None):
+            raise
+        raise refusal(path, f"cannot be read; is the file whole? {error}") from error
 
 
 class OnDisk:
@@ -149,12 +170,8 @@ class RawCube:
         keys: list[slice] = [slice(None)] * 3
         for axis, key in zip(self.order, (y, x, run), strict=True):
             keys[axis] = key
-        try:
+        with whole(self.path):
             part = self.data[tuple(keys)].transpose(self.order)
-        except (MemoryError, TypeError):
-            raise
-        except Exception as error:  # each package has its own for what is damaged
-            raise refusal(self.path, f"cannot be read; is the file whole? {error}") from error
         if bands.size == run.stop - first and bool((np.diff(bands) == 1).all()):
             return part
         return part[..., bands - first]

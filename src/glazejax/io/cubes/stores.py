@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from ...extras import require
-from ..source import explained, refusal
+from ..source import refusal
 from .entries import Entry, describe
 from .raw import OnDisk, RawCube
 
@@ -16,16 +16,12 @@ def zarr_cube(path: Path, dataset: str | None, count: int | None) -> RawCube:
     """Array of a zarr store (2 or 3), or a store that is an array itself; only the chunks that are needed are read.
 
     Raises:
-        ValueError: no store, or no array in it that can be meant.
+        ValueError: no array in it that can be meant.
     """
     require("zarr")
     import zarr
 
-    with explained(path):
-        try:
-            opened = zarr.open(str(path), mode="r")
-        except (KeyError, ValueError, FileNotFoundError) as error:
-            raise refusal(path, f"not a zarr store: {error}") from None
+    opened = zarr.open(str(path), mode="r")
     arrays = {"": opened} if isinstance(opened, zarr.Array) else dict(_members(opened))
     entries = [_zarr_entry(name, array) for name, array in arrays.items()]
     return describe(path, "zarr", entries, dataset, count, partial(OnDisk, _zarr_array, path))
@@ -57,7 +53,7 @@ def hdf5_cube(path: Path, dataset: str | None, count: int | None) -> RawCube:
     """Array of an HDF5 file, such as NetCDF 4.
 
     Raises:
-        ValueError: the file is not whole, or holds no array that can be meant.
+        ValueError: it holds no array that can be meant.
     """
     require("h5py")
     import h5py
@@ -68,13 +64,9 @@ def hdf5_cube(path: Path, dataset: str | None, count: int | None) -> RawCube:
         if isinstance(node, h5py.Dataset) and node.shape is not None:
             entries.append(_hdf5_entry(name, node))
 
-    with explained(path):
-        try:
-            with h5py.File(path, "r") as file:
-                file.visititems(visit)
-                return describe(path, "HDF5", entries, dataset, count, partial(_hdf5, path))
-        except OSError as error:
-            raise refusal(path, f"not a whole HDF5 file: {error}") from None
+    with h5py.File(path, "r") as file:
+        file.visititems(visit)
+        return describe(path, "HDF5", entries, dataset, count, partial(_hdf5, path))
 
 
 def _hdf5_entry(name: str, node: Any) -> Entry:
@@ -104,7 +96,7 @@ def classic_cube(path: Path, dataset: str | None, count: int | None) -> RawCube:
     """Variable of a classic NetCDF file (3), mapped into memory.
 
     Raises:
-        ValueError: the file is not whole, or holds no variable that can be meant.
+        ValueError: the file is not whole, or it holds no variable that can be meant.
     """
     entries = []
     for name, variable in _classic(path, lambda file: dict(file.variables)).items():
@@ -124,7 +116,7 @@ def _classic(path: Path, take: Callable[[Any], Any]) -> Any:
     """What is taken from a classic file; arrays stay mapped after it is closed."""
     from scipy.io import netcdf_file
 
-    with explained(path), warnings.catch_warnings():
+    with warnings.catch_warnings():
         # SciPy warns that arrays outlive the file, which is what is wanted.
         warnings.simplefilter("ignore", RuntimeWarning)
         try:
@@ -132,7 +124,7 @@ def _classic(path: Path, take: Callable[[Any], Any]) -> Any:
             found = take(file)
             file.close()
             return found
-        except (ValueError, TypeError, IndexError) as error:
+        except Exception as error:  # whatever a damaged header leads it to
             complaint = str(error)
         # Only now is the file that could not be opened forgotten, and its warning with it.
-        raise refusal(path, f"not a whole NetCDF file: {complaint}")
+        raise refusal(path, f"cannot be read; is the file whole? {complaint}")

@@ -12,7 +12,7 @@ from ...extras import require
 from ..source import explained, refusal
 from ..spectra_table import listed
 from .axes import axes_of
-from .raw import OnDisk, RawCube
+from .raw import OnDisk, RawCube, whole
 
 TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")
 """What a TIFF begins with; + is BigTIFF."""
@@ -38,11 +38,12 @@ def tiff_cube(path: Path, count: int | None) -> RawCube:
     """A TIFF of several bands; windows are read where the file allows it, else whole tiles, strips or pages.
 
     Raises:
-        ValueError: not a whole TIFF, or not an image of several bands of one size and type.
+        ValueError: not an image of several bands of one size and type.
     """
+    require("tifffile")
     import tifffile
 
-    with explained(path), _legal(path), tifffile.TiffFile(path) as file:
+    with tifffile.TiffFile(path) as file:
         series = file.series[0]
         wavelengths = _described(file)
         place = _place(file)
@@ -88,7 +89,7 @@ def tiff_folder(path: Path, count: int | None) -> RawCube:
     first, memory = None, False
     place: dict[str, Any] = {}
     for file in files:
-        with explained(file), _legal(file), tifffile.TiffFile(file) as tiff:
+        with explained(file), whole(file), tifffile.TiffFile(file) as tiff:
             page = tiff.pages[0]
             size = (tuple(tiff.series[0].shape), tiff.series[0].dtype)
             if first is None:
@@ -113,36 +114,19 @@ def _checked(path: Path, dtype: Any) -> np.dtype[Any]:
     return dtype
 
 
-class _legal:
-    """What tifffile says of a damaged file, as one sentence."""
-
-    def __init__(self, path: Path):
-        self.path = path
-
-    def __enter__(self) -> None:
-        require("tifffile")
-
-    def __exit__(self, kind: Any, error: Any, trace: Any) -> None:
-        from tifffile import TiffFileError
-
-        if isinstance(error, TiffFileError | IndexError | KeyError):
-            raise refusal(self.path, f"not a whole TIFF file: {error}") from None
-
-
 def _array(path: Path, page: int | None) -> Any:
     """The first series (or one page) of a file: mapped into memory, or as tiles or strips that are read singly."""
     import tifffile
 
-    with _legal(path):
-        try:
-            return tifffile.memmap(path, page=page, mode="r")
-        except ValueError:
-            import zarr
+    try:
+        return tifffile.memmap(path, page=page, mode="r")
+    except ValueError:
+        import zarr
 
-            # The store keeps the file open.
-            file = tifffile.TiffFile(path)
-            store = file.aszarr(key=page) if page is not None else file.aszarr(series=0, level=0)
-            return zarr.open(store, mode="r")
+        # The store keeps the file open.
+        file = tifffile.TiffFile(path)
+        store = file.aszarr(key=page) if page is not None else file.aszarr(series=0, level=0)
+        return zarr.open(store, mode="r")
 
 
 def _pages(path: Path, count: int) -> Planes:

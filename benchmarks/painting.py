@@ -1,0 +1,235 @@
+"""Maps of paintings whose truth is known: seconds and memory by size, agreement with the full search, and rivals.
+
+    python -m benchmarks.painting [--megapixels 0.1 1 10] [--bands 200] [--folder FOLDER] [--checked 2000] [--no-dask]
+
+Each painting is written to disk first (10 megapixels of 200 bands take 4 GB as 16-bit integers), then mapped by a
+process of its own, as `glazejax map` does, whose time and peak memory are taken. Cubes stay in the folder and are used
+again.
+"""
+
+import argparse
+import itertools
+import json
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.painting_rivals import Row, answer_of_map, by_coats, compared, sampled, score, table
+from benchmarks.results import Results, add_option
+from glazefit.mapping.example import painting, write_painting
+from glazefit.mapping.scene import FOREIGN
+
+_SEED, _OTHER = 3, 4
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    add_option(parser)
+    parser.add_argument("--megapixels", type=float, nargs="+", default=[0.1, 1.0, 10.0])
+    parser.add_argument("--bands", type=int, default=200)
+    parser.add_argument("--folder", type=Path, default=None, help="for the cubes (default: a temporary one)")
+    parser.add_argument("--checked", type=int, default=2000, help="pixels that are searched in full")
+    parser.add_argument("--no-dask", action="store_true")
+    parser.add_argument("--child", type=Path, help=argparse.SUPPRESS)
+    parser.add_argument("--workers", type=int, default=0, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.child is not None:
+        _child(options.child, options.workers)
+        return
+    results = Results("painting", options.out)
+    with tempfile.TemporaryDirectory() as temporary:
+        folder = options.folder or Path(temporary)
+        sides = [round((1e6 * size) ** 0.5) for size in sorted(options.megapixels)]
+        runs = [_size(results, folder, side, options.bands, first=side == sides[0]) for side in sides]
+        _exponents(results, runs)
+        middle = folder / _name(sides[min(1, len(sides) - 1)], options.bands)
+        _truth(results, middle, sides[min(1, len(sides) - 1)], options.bands, options.checked)
+        if not options.no_dask:
+            _dask(results, folder / _name(sides[0], options.bands))
+    results.save()
+
+
+def _name(side: int, bands: int) -> str:
+    return f"painting-{side}x{side}x{bands}"
+
+
+def _size(results: Results, folder: Path, side: int, bands: int, *, first: bool) -> tuple[int, float]:
+    """Write and map one painting; pixels and seconds."""
+    where = folder / _name(side, bands)
+    scene = painting((side, side), bands, _SEED)
+    if not (where / "painting.hdr").exists():
+        shutil.rmtree(where, ignore_errors=True)
+        start = time.perf_counter()
+        write_painting(where, scene, "uint16")
+        print(f"painted {side} x {side} in {time.perf_counter() - start:.0f} s", flush=True)
+    if first:
+        # Programs are compiled once and kept, as on a second call of the command.
+        _run(where, 0)
+        results("Seconds by stage, and peak memory of the process; programs were compiled by a run before.")
+        results(f"{'pixels':>12}{'bands':>7}{'survey':>9}{'search':>9}{'check':>9}{'map':>9}{'all':>9}{'pixels/s':>10}"
+                f"{'GiB':>7}{'closed form':>13}{'own search':>12}{'saved':>8}")  # fmt: skip
+    said = _run(where, 0)
+    stages, tallies = said["stages"], said["tallies"]
+    mapped = tallies["mapped"]
+    # What a search of every pixel would take at the pace at which the representatives were searched.
+    whole = mapped * stages["search"] / said["representatives"]
+    results(
+        f"{side * side:>12,}{bands:>7}"
+        + "".join(f"{stages[name]:>9.1f}" for name in ("survey", "search", "check", "map"))
+        + f"{said['seconds']:>9.1f}{side * side / said['seconds']:>10.0f}{said['gib']:>7.2f}"
+        + f"{(tallies['way updated'] + tallies['way neighbour']) / mapped:>13.2%}"
+        + f"{(tallies['way searched'] + said['representatives']) / mapped:>12.3%}"
+        + f"{whole / said['seconds']:>7.0f}x"
+    )
+    return side * side, said["seconds"]
+
+
+def _exponents(results: Results, runs: list[tuple[int, float]]) -> None:
+    """How time grows with the number of pixels."""
+    results()
+    for (pixels, seconds), (more, longer) in itertools.pairwise(runs):
+        power = np.log(longer / seconds) / np.log(more / pixels)
+        results(f"from {pixels:,} to {more:,} pixels time grows with the power {power:.2f}")
+    results("'saved': a search of every pixel, at the pace of the representatives, over the time that the map took")
+
+
+def _run(where: Path, workers: int) -> dict:
+    """Map a painting in a process of its own."""
+    words = [sys.executable, "-m", "benchmarks.painting", "--child", str(where), "--workers", str(workers)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError(done.stderr[-2000:])
+    return json.loads(done.stdout.splitlines()[-1])
+
+
+def _child(where: Path, workers: int) -> None:
+    """What `glazejax map` does, with the times of its stages as one line of JSON."""
+    from contextlib import ExitStack
+
+    from glazefit.mapping.memory import few_arenas
+
+    few_arenas()
+    import resource
+
+    from glazejax import catalogue
+    from glazejax.commands.main import start_jax
+
+    start_jax()
+    from glazefit.mapping.map_cube import map_cube
+    from glazejax.io import read_spectra
+
+    ground = read_spectra(where / "ground.csv").reflectance[0]
+    paints = [paint for name, paint in catalogue.load().items() if name not in FOREIGN]
+    begun: list[tuple[str, float]] = []
+
+    def told(progress) -> None:
+        if not begun or begun[-1][0] != progress.stage:
+            begun.append((progress.stage, time.perf_counter()))
+
+    with ExitStack() as stack:
+        client = None
+        if workers:
+            import distributed
+
+            cluster = stack.enter_context(
+                distributed.LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None)
+            )
+            client = stack.enter_context(distributed.Client(cluster, set_as_default=False))
+        start = time.perf_counter()
+        out = where / ("dask.zarr" if workers else "map.zarr")
+        found = map_cube(
+            where / "painting.hdr", paints, grounds=ground, out=out, client=client, overwrite=True, told=told
+        )
+        end = time.perf_counter()
+    ends = [*(at for _, at in begun[1:]), end]
+    stages = {name: after - at for (name, at), after in zip(begun, ends, strict=True)}
+    names = {"survey": ("reading", "surveying"), "search": ("searching",), "check": ("checking",), "map": ("mapping",)}
+    print(
+        json.dumps(
+            {
+                "seconds": end - start,
+                "stages": {name: sum(stages.get(part, 0.0) for part in parts) for name, parts in names.items()},
+                "gib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20,
+                "tallies": found.attrs["tallies"],
+                "representatives": found.attrs["representatives"],
+            }
+        )
+    )
+
+
+def _truth(results: Results, where: Path, side: int, bands: int, pixels: int) -> None:
+    """The map beside the full search, beside `identify` as it is called, and beside the truth with its rivals."""
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    from glazefit import open_map
+    from glazejax import catalogue
+
+    scene, other = painting((side, side), bands, _SEED), painting((480, 640), bands, _OTHER)
+    found = open_map(where / "map.zarr")
+    _, truth, places = sampled(scene, pixels)
+    arrays = {name: _picked(found[name].values, places) for name in found.data_vars}
+    from glazefit.film.films import Noise
+    from glazefit.mapping.agreement import agreement
+    from glazefit.mapping.task import map_task
+
+    results()
+    results(f"{len(places)} pixels of {side} x {side}, each searched in full at the map's bands and noise:")
+    paints = [paint for name, paint in catalogue.load().items() if name not in FOREIGN]
+    start = time.perf_counter()
+    task = map_task(where / "painting.hdr", paints, grounds=scene.ground).with_noise(Noise(*found.attrs["noise"]))
+    same = agreement(task, _readings(task.image, places), arrays)
+    seconds = (time.perf_counter() - start) / len(places)
+    results(f"  same first set {float(same.first):.1%}, same answer to 'none' {float(same.explained):.1%}")
+    results(
+        f"  a paint's probability differs by {float(same.probability):.3f} in the median of the largest difference,"
+    )
+    results(f"  by {float(same.probability_90):.3f} in nine of ten; thickness by {float(same.amount):.3f} and "
+            f"{float(same.amount_90):.3f} of its standard deviation")  # fmt: skip
+    results(f"  the full search took {seconds * 1e3:.1f} ms a pixel")
+    results()
+    results(f"Against the truth, {len(places)} pixels; rivals choose cut and threshold on another painting:")
+    rows = compared(scene, other, pixels)
+    answer = answer_of_map(arrays)
+    own = Row("map_cube", score(truth, answer, scene.names), float("nan"), by_coats(truth, answer, scene.names))
+    for line in table([*rows, own]):
+        results(line)
+
+
+def _readings(image, places: np.ndarray) -> np.ndarray:
+    """Working readings of pixels."""
+    from glazefit.mapping.windows import Window
+
+    return np.concatenate([image.read(Window(y, y + 1, x, x + 1))[0] for y, x in places.tolist()])
+
+
+def _picked(values: np.ndarray, places: np.ndarray) -> np.ndarray:
+    return values[places[:, 0], places[:, 1]] if values.ndim > 1 and values.shape[0] > places[:, 0].max() else values
+
+
+def _dask(results: Results, where: Path) -> None:
+    """The smallest painting here and by two workers of a dask cluster."""
+    from glazefit import open_map
+
+    _run(where, 2)
+    here, there = open_map(where / "map.zarr"), open_map(where / "dask.zarr")
+    worst, differ = 0.0, 0
+    for name in here.data_vars:
+        one, other = here[name].values, there[name].values
+        if one.dtype.kind == "f":
+            both = np.isfinite(one) & np.isfinite(other)
+            differ += int(np.sum(np.isfinite(one) != np.isfinite(other)))
+            worst = max(worst, float(np.abs(one[both].astype(float) - other[both].astype(float)).max(initial=0.0)))
+        else:
+            differ += int(np.sum(one != other))
+    results()
+    results(f"dask with two workers: {differ} integers (or gaps) differ, floats by {worst:.1e} at most")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,126 @@
+"""How a map was made, in words, for its report."""
+
+import inspect
+import platform
+import shlex
+from collections.abc import Callable, Mapping, Sequence
+from datetime import datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from glazejax.io import quick_source_hash
+from glazejax.io.sample import split_sample
+
+from ..identify.record import input_files
+from .page import About
+
+if TYPE_CHECKING:
+    import xarray
+
+_PACKAGES = ("glazejax", "jax", "numpy", "scipy", "xarray", "zarr")
+_NAMES = {"binned": "bin"}
+
+
+def about_map(
+    command: str,
+    typed: Mapping[str, Any],
+    cube: Path,
+    read: Mapping[str, Path | None],
+    found: "xarray.Dataset",
+    facts: Mapping[str, str],
+) -> About:
+    """What the report of a map says beside it.
+
+    Args:
+        command: the command line.
+        typed: all options and their values, by the names of the command's arguments.
+        cube: that was mapped.
+        read: what else was read, by what it was given as.
+        found: the map.
+        facts: names and words for the head of the page.
+    """
+    inputs = [(entry["role"], entry["name"], entry["sha256"]) for entry in input_files(read)]
+    return About(
+        title=cube.name,
+        created=datetime.now().astimezone().isoformat(timespec="seconds"),
+        command=command,
+        facts=facts,
+        options={option(name): str(value) for name, value in typed.items() if name != "cube"},
+        versions={name: version(name) for name in _PACKAGES},
+        platform=platform.platform(),
+        inputs=[("CUBE", str(cube), quick_source_hash(cube)), *inputs],
+        hashed="SHA-256 (of the cube: of names, sizes, and first and last MiB)",
+        shortcuts=shortcut_words(found.attrs),
+        agreement=agreement_words(found.attrs),
+        notes=tuple(map(str, found.attrs.get("notes", ()))),
+    )
+
+
+def option(name: str) -> str:
+    """How an argument of the command is written on the command line."""
+    return f"--{_NAMES.get(name, name).replace('_', '-')}"
+
+
+def command_line(
+    function: Callable[..., Any], name: str, typed: Mapping[str, Any], arguments: Sequence[str] = ()
+) -> str:
+    """The command line, with the options that differ from what they are by default.
+
+    Args:
+        function: of the command.
+        name: of the command.
+        typed: all options and their values.
+        arguments: which of them have no name on the command line.
+    """
+    usual = inspect.signature(function).parameters
+    line = ["glazejax", name, *(str(typed[each]) for each in arguments if typed[each] is not None)]
+    for each, value in typed.items():
+        if each in arguments or value == usual[each].default:
+            continue
+        for one in value if isinstance(value, list) else [value]:
+            line += [option(each)] if one is True else [option(each), str(one)]
+    return shlex.join(line)
+
+
+def ground_file(ground: str | None) -> Path | None:
+    """The file of ``--ground``, if it is one."""
+    path = None if ground is None else split_sample(ground)[0]
+    return path if path is not None and path.is_file() else None
+
+
+def shortcut_words(attrs: Mapping[str, Any]) -> dict[str, str]:
+    """What was not done in full for every pixel, by name, from the attributes of a map."""
+    found: dict[str, str] = {}
+    if "representatives" in attrs:
+        found["Representatives"] = (
+            f"{attrs['representatives']:,} spectra of the image were searched in full; a pixel near one of them, "
+            "within the noise, is answered in closed form from it: a set that only that pixel shows can be missed"
+        )
+    if "working_wavelengths" in attrs:
+        found["Bands"] = (
+            f"neighbouring bands were averaged to {len(attrs['working_wavelengths'])}: a feature narrower than their "
+            "distance is lost"
+        )
+    return found
+
+
+def agreement_words(attrs: Mapping[str, Any]) -> dict[str, str]:
+    """How far answers in closed form agree with full searches of the same pixels, from the attributes of a map."""
+    told = attrs.get("agreement") or {}
+    if not told:
+        return {}
+    found = {
+        "Pixels compared": f"{int(told['pixels']):,}",
+        "Same first set": f"{told['first']:.1%}",
+        "Same answer on whether the paints explain the pixel": f"{told['explained']:.1%}",
+        "Largest difference of a paint's probability": f"{told['probability']:.3f} in the median, "
+        f"{told['probability_90']:.3f} at most in nine of ten",
+    }
+    if np.isfinite(float(told["amount"])):
+        found["Difference of thickness, in its standard deviations"] = (
+            f"{told['amount']:.2f} in the median, {told['amount_90']:.2f} at most in nine of ten"
+        )
+    return found

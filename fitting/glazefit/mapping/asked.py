@@ -1,0 +1,221 @@
+"""What the options of `glazejax map` say, read into what the library takes."""
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from glazejax.commands import options
+
+if TYPE_CHECKING:
+    import numpy as np
+    import xarray
+    from jaxtyping import Float
+
+    from glazejax import Pigment
+
+    from ..film.films import Instrument
+
+_SIZES = {"": 1, "b": 1, "kb": 10**3, "mb": 10**6, "gb": 10**9, "kib": 2**10, "mib": 2**20, "gib": 2**30,
+          "k": 2**10, "m": 2**20, "g": 2**30}  # fmt: skip
+_CUBE = "cube:"
+
+
+def read_memory(text: str) -> int:
+    """Bytes of ``--memory``, such as 2GiB or 800MB.
+
+    Raises:
+        ValueError: no size.
+    """
+    match = re.fullmatch(r"(\d+\.?\d*|\.\d+)\s*([a-z]*)", text.strip(), re.IGNORECASE)
+    if match is None or match[2].lower() not in _SIZES or not float(match[1]):
+        raise ValueError(f"--memory is {text!r}; write a number and a unit, such as 2GiB or 800MB")
+    return int(float(match[1]) * _SIZES[match[2].lower()])
+
+
+def read_window(text: str) -> tuple[int, int, int, int] | None:
+    """First and end line, first and end sample of ``--window``, which is ``x0:x1,y0:y1``; None if it was left out.
+
+    Raises:
+        ValueError: something else.
+    """
+    if not text:
+        return None
+    match = re.fullmatch(r"\s*(\d+):(\d+)\s*,\s*(\d+):(\d+)\s*", text)
+    if match is None or int(match[1]) >= int(match[2]) or int(match[3]) >= int(match[4]):
+        raise ValueError(f"--window is {text!r}; write x0:x1,y0:y1 in pixels from 0, ends not included, such as "
+                         "100:400,0:250")  # fmt: skip
+    x0, x1, y0, y1 = (int(match[i]) for i in range(1, 5))
+    return y0, y1, x0, x1
+
+
+def read_binning(text: str) -> tuple[int, int, int]:
+    """Lines, samples and bands of ``--bin``, which is one number for lines and samples, or all three.
+
+    Raises:
+        ValueError: something else.
+    """
+    match = re.fullmatch(r"\s*(\d+)\s*(?:,\s*(\d+)\s*,\s*(\d+)\s*)?", text)
+    found = None if match is None else tuple(int(each) for each in match.groups() if each)
+    if not found or min(found) < 1:
+        raise ValueError(f"--bin is {text!r}; write 2 for 2 x 2 pixels, or lines, samples and bands, such as 2,2,4")
+    return (found[0], found[0], 1) if len(found) == 1 else (found[0], found[1], found[2])
+
+
+def read_bands(text: str) -> tuple[float, float] | None:
+    """First and last wavelength of ``--bands``, nm; None if it was left out.
+
+    Raises:
+        ValueError: something else.
+    """
+    if not text:
+        return None
+    match = re.fullmatch(r"\s*(\d+\.?\d*)\s*[-:]\s*(\d+\.?\d*)\s*(?:nm)?\s*", text)
+    if match is None or float(match[1]) >= float(match[2]):
+        raise ValueError(f"--bands is {text!r}; write the first and the last wavelength in nm, such as 420-700")
+    return float(match[1]), float(match[2])
+
+
+def read_wavelengths(text: str) -> tuple[float, ...] | Path | None:
+    """Wavelengths of ``--wavelengths``, a file or numbers with commas; None if it was left out.
+
+    Raises:
+        ValueError: neither.
+    """
+    if not text:
+        return None
+    if Path(text).exists():
+        return Path(text)
+    try:
+        return tuple(float(each) for each in text.split(","))
+    except ValueError:
+        raise ValueError(f"--wavelengths is {text!r}; name a text file of numbers, or write them in nm with commas: "
+                         "400,410,420") from None  # fmt: skip
+
+
+def read_white(text: str) -> float | Path:
+    """The white's own reflectance of ``--white-reflectance``, a number or a file of one spectrum.
+
+    Raises:
+        ValueError: a number out of range.
+        FileNotFoundError: neither a number nor a file.
+    """
+    try:
+        level = float(text)
+    except ValueError:
+        if not Path(text).exists():
+            raise FileNotFoundError(f"--white-reflectance {text}: neither a number nor a file") from None
+        return Path(text)
+    if not 0 < level <= 1.1:
+        raise ValueError(f"--white-reflectance is {text}; write a fraction such as 0.99, or a file of its spectrum")
+    return level
+
+
+def read_spots(texts: Sequence[str], taken: Sequence[str]) -> dict[str, str]:
+    """Names and places of ``--spot NAME=PLACE``.
+
+    Args:
+        texts: as typed.
+        taken: names that paints have already.
+
+    Raises:
+        ValueError: no name or no place, or a name that is there already.
+    """
+    found: dict[str, str] = {}
+    for text in texts:
+        name, equals, place = (part.strip() for part in text.partition("="))
+        if not (name and equals and place):
+            raise ValueError(f"--spot is {text!r}; write NAME=x,y, NAME=x0:x1,y0:y1 or NAME=mask.png")
+        if name in found or name in taken:
+            raise ValueError(f"--spot {text}: there is a paint {name!r} already; choose another name")
+        found[name] = place
+    return found
+
+
+def read_spectra_of_spots(
+    places: Mapping[str, str], cube: "xarray.DataArray"
+) -> "dict[str, Float[np.ndarray, 'bands']]":
+    """Mean spectra of spots by name, at all bands of a cube.
+
+    Args:
+        places: by name; see `glazejax.io.read_spot`.
+        cube: as it was opened.
+
+    Raises:
+        FileNotFoundError: neither a place nor a file.
+        ValueError: a place outside of the cube, or without readings at some bands.
+    """
+    import numpy as np
+
+    from glazejax.io import read_spot
+
+    found = {}
+    for name, place in places.items():
+        spectrum = read_spot(cube, place).reflectance
+        if (missing := int((~np.isfinite(spectrum)).sum())) > 0:
+            raise ValueError(f"--spot {name}={place}: {missing} bands have no reading there; choose another place, or "
+                             "leave those bands out with --bands")  # fmt: skip
+        found[name] = spectrum
+    return found
+
+
+def read_ground_of_cube(
+    text: str | None,
+    bare: bool,
+    cube: "xarray.DataArray",
+    paints: Sequence["Pigment"],
+    instrument: "Instrument",
+) -> tuple["float | Float[np.ndarray, 'bands'] | None", str, tuple[str, ...]]:
+    """The ground below all pixels, as seen from inside the paint, at the bands of a cube; its words, and notes.
+
+    Args:
+        text: of ``--ground``: a number, a file of spectra, or ``cube:`` and a place in the cube where the ground lies
+            bare; None for films that hide it.
+        bare: a number or file is what the instrument reads from the bare ground, in air.
+        cube: as it was opened.
+        paints: beyond whose wavelengths the ground need not be known.
+        instrument: with which the cube was taken.
+
+    Raises:
+        FileNotFoundError: neither a number nor a file.
+        ValueError: values out of range, or no common wavelengths.
+    """
+    import numpy as np
+
+    from glazejax.spectra import describe_grid
+
+    from ..identify.identify import ground_from_air
+
+    if text is None:
+        return None, "a ground that is not seen", ()
+    grid = np.asarray(cube["wavelength"].values, np.float64)
+    first, last = max(float(p.wavelengths[0]) for p in paints), min(float(p.wavelengths[-1]) for p in paints)
+    inside = (grid >= first) & (grid <= last)
+    if not inside.any():
+        raise ValueError(f"{cube.attrs.get('path', 'the cube')}: its bands ({describe_grid(grid)}) lie outside "
+                         f"of those of the paints, {first:g} to {last:g} nm")  # fmt: skip
+    notes: tuple[str, ...] = ()
+    if text.startswith(_CUBE):
+        from glazejax.io import read_spot
+
+        spot = read_spot(cube, text.removeprefix(_CUBE))
+        below, bare = spot.reflectance[inside], True
+        if not np.isfinite(below).all():
+            raise ValueError(f"--ground {text}: {int((~np.isfinite(below)).sum())} bands have no reading there; choose "
+                             "another place")  # fmt: skip
+        words = (
+            f"measured bare in the cube at {text.removeprefix(_CUBE)} ({spot.pixels} pixels, mean {below.mean():.2f})"
+        )
+    else:
+        given = options.read_ground(text, bare=bare)
+        below, notes = given.on(grid[inside]), given.notes
+        words = (
+            f"{given.words}, {'measured bare with the same instrument' if bare else 'as seen from inside the paint'}"
+        )
+        if isinstance(below, float | int) and not bare:
+            return below, words, notes
+    level = np.broadcast_to(np.asarray(below, np.float64), (int(inside.sum()),))
+    if bare:
+        level = ground_from_air(level, instrument.geometry, instrument.refractive_index)
+    # Where no paint is known, no ground is asked for.
+    return np.interp(grid, grid[inside], level), words, notes

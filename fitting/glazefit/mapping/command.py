@@ -1,0 +1,356 @@
+"""The command `glazejax map`: an image of spectra in; which paints, how much and how thick, pixel by pixel, out."""
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from glazejax.commands import options, progress
+
+if TYPE_CHECKING:
+    import xarray
+    from rich.console import Console
+
+    from .store import MapStore
+
+_GEOMETRY = "d:8"
+_ROWS = 12
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command."""
+    app.command("map")(map_)
+
+
+def _option(text: str, metavar: str = "") -> Any:
+    return typer.Option(help=text, metavar=metavar or None, show_default=False)
+
+
+def map_(
+    cube: Annotated[
+        Path | None,
+        typer.Argument(
+            metavar="CUBE",
+            help="Image of spectra: ENVI (header or data), zarr, NetCDF, HDF5, TIFF or a folder of TIFFs, .npy.",
+            show_default=False,
+        ),
+    ] = None,
+    out: Annotated[
+        Path, typer.Option("--out", "-o", metavar="FOLDER", help="Map to write, a zarr folder; one begun goes on.")
+    ] = Path("map.zarr"),
+    wavelengths: Annotated[str, _option("Wavelengths, if the cube has none: a file, or nm with commas.", "NM")] = "",
+    dataset: Annotated[str, _option("Array of a zarr, NetCDF or HDF5 file, if there are several.", "NAME")] = "",
+    white: Annotated[
+        Path | None, _option("Reading of a white: cube, frame, line, or a list of numbers.", "FILE")
+    ] = None,
+    dark: Annotated[Path | None, _option("Reading without light, of the same kinds.", "FILE")] = None,
+    white_reflectance: Annotated[
+        str, _option("The white's own reflectance, a number or a file of its spectrum. Default: 1.", "R")
+    ] = "1",
+    scale: Annotated[
+        float | None, _option("Number that stands for reflectance 1, if the cube does not say.", "NUMBER")
+    ] = None,
+    window: Annotated[
+        str, _option("Part of the cube, x0:x1,y0:y1 in pixels from 0, ends not included.", "X0:X1,Y0:Y1")
+    ] = "",
+    mask: Annotated[
+        Path | None,
+        _option("Pixels to map: a PNG that is not black there, or polygons (GeoJSON, or CSV of x,y).", "FILE"),
+    ] = None,
+    binned: Annotated[
+        str, typer.Option("--bin", metavar="N", help="Mean of N x N pixels, or of lines, samples and bands: 2,2,4.")
+    ] = "1",
+    bands: Annotated[str, _option("First and last wavelength that are used, nm: 420-700.", "NM-NM")] = "",
+    pigments: options.Pigments = None,
+    catalogue: options.CatalogueName = options.OILS,
+    only: options.Only = "",
+    without: options.Without = "",
+    spot: Annotated[
+        list[str] | None,
+        _option(
+            "A further paint, as the cube has it at x,y, at x0:x1,y0:y1 or in mask.png; can be repeated.", "NAME=x,y"
+        ),
+    ] = None,
+    ground: Annotated[
+        str | None,
+        _option(
+            "Ground below the paint: its reflectance as seen from inside the paint, 0 to 1; a file of spectra, FILE or "
+            "FILE:SAMPLE; or cube:x0:x1,y0:y1, where it lies bare in the cube.",
+            "GROUND",
+        ),
+    ] = None,
+    bare: Annotated[
+        bool, typer.Option("--bare", help="--ground is what the same instrument reads from the bare ground, in air.")
+    ] = False,
+    opaque: Annotated[bool, typer.Option("--opaque", help="The paint hides its ground everywhere.")] = False,
+    max_paints: Annotated[int, typer.Option(help="Largest number of paints in a pixel: 1, 2 or 3.")] = 3,
+    layers: Annotated[int, typer.Option(help="Coats: 1, or 2 to try two coats as well, in both orders.")] = 1,
+    geometry: Annotated[str | None, options.geometry_option(_GEOMETRY)] = None,
+    refractive_index: options.RefractiveIndex = 1.5,
+    noise: Annotated[
+        float | None, _option("Noise of a reading near black, in reflectance. Default: estimated from the cube.")
+    ] = None,
+    noise_share: Annotated[
+        float | None, _option("Noise that grows with the reading: added to --noise per unit of reflectance.")
+    ] = None,
+    model_error: options.ModelError = None,
+    thickness: options.Thickness = "25um",
+    memory: Annotated[
+        str, typer.Option(metavar="SIZE", help="Bound of the memory that is used, such as 4GiB.")
+    ] = "2GiB",
+    scheduler: Annotated[
+        str | None, _option("Address of a dask scheduler, whose workers do the work: tcp://host:8786.", "ADDRESS")
+    ] = None,
+    report: Annotated[Path | None, _option("Also write a report, one HTML page, and pictures.", "FOLDER")] = None,
+    csv: Annotated[
+        Path | None, _option("Also write a table of the sets: area, thickness, mean spectra.", "FILE")
+    ] = None,
+    export: Annotated[
+        Path | None, _option("Also write the map as NetCDF (.nc) or ENVI (.hdr or .img).", "FILE")
+    ] = None,
+    overwrite: options.Overwrite = False,
+    example: Annotated[
+        bool, typer.Option("--example", help="Make a small painting, of which the truth is known, and map it.")
+    ] = False,
+) -> None:
+    """Which paints are in every pixel of an image: probabilities, amounts, thickness.
+
+    The map is a zarr folder that fills window by window. A run that was
+    interrupted or killed goes on where it stopped if the same command is given
+    again; --overwrite begins anew.
+
+    Example: glazejax map painting.hdr --ground 0.9 --report report
+    """
+    typed = dict(locals())
+    if example:
+        if cube is not None:
+            raise ValueError(f"--example maps a painting of its own: leave out {cube}, or leave out --example")
+    elif cube is None:
+        raise ValueError("no CUBE was given; name an image of spectra, or try --example")
+    if max_paints not in (1, 2, 3):
+        raise ValueError(f"--max-paints is {max_paints}; it must be 1, 2 or 3")
+    if layers not in (1, 2):
+        raise ValueError(f"--layers is {layers}; it must be 1 or 2")
+    if opaque and ground is not None:
+        raise ValueError("--opaque paint shows no ground: leave out --ground, or leave out --opaque")
+    if bare and ground is None:
+        raise ValueError("--bare says how --ground was measured: give --ground too")
+    if not (example or opaque or ground):
+        raise ValueError("what is under the paint? Give --ground, its reflectance such as 0.9, a table, or "
+                         "cube:x0:x1,y0:y1 where it lies bare in the cube; or --opaque")  # fmt: skip
+    from glazejax.extras import require
+
+    from .asked import (
+        read_bands,
+        read_binning,
+        read_ground_of_cube,
+        read_memory,
+        read_spectra_of_spots,
+        read_spots,
+        read_wavelengths,
+        read_white,
+        read_window,
+    )
+
+    require("xarray", "zarr")
+    usual, bound, spots = options.read_length(thickness), read_memory(memory), spot or []
+    reading = {
+        "wavelengths": read_wavelengths(wavelengths),
+        "dataset": dataset or None,
+        "white": white,
+        "dark": dark,
+        "white_reflectance": read_white(white_reflectance),
+        "scale": scale,
+        "window": read_window(window),
+        "binning": read_binning(binned),
+        "bands": read_bands(bands),
+    }
+    given_files = {"--mask": mask, "--white": white, "--dark": dark, "--pigments": pigments}
+    _check_outputs(out, {"CUBE": cube, **given_files}, csv, export, report, overwrite)
+    seen_by = options.read_geometry(geometry, _GEOMETRY)
+    from glazejax.commands.main import start_jax
+
+    start_jax()
+    from rich.console import Console
+
+    from glazejax.io import CubeSource
+
+    from ..film.errors import BETWEEN_FILMS, Prior
+    from ..film.films import Instrument, Noise
+    from .map_cube import map_cube
+    from .run import connected
+    from .store import MapStore
+
+    console = Console(highlight=False)
+    if example:
+        made = _example(out, console)
+        cube = made["cube"]
+        if not (opaque or ground):
+            ground = str(made["ground"])
+        if not (pigments or only or without or catalogue != options.OILS):
+            without = made["without"]
+    assert cube is not None
+    paints = options.choose_paints(options.read_shelf(pigments, catalogue), only, without)
+    places = read_spots(spots, [paint.name for paint in paints])
+    instrument = Instrument(seen_by, refractive_index)
+    # Workers of a cluster have another folder of their own.
+    source = CubeSource(cube.absolute(), **reading)
+    opened = source.open()
+    progress.print_notes(console, cube, opened.attrs.get("notes", ()))
+    below, words, notes = read_ground_of_cube(ground, bare, opened, paints, instrument)
+    progress.print_notes(console, "--ground", notes)
+    given = {"floor": noise, "share": noise_share}
+    with _kept(out, console), connected(scheduler) as client, _bar() as told:
+        found = map_cube(
+            source,
+            paints,
+            grounds=below,
+            out=out,
+            mask=mask,
+            spots=read_spectra_of_spots(places, opened),
+            instrument=instrument,
+            noise=None if noise is noise_share is None else Noise(**{k: v for k, v in given.items() if v is not None}),
+            discrepancy=BETWEEN_FILMS if model_error is None else replace(BETWEEN_FILMS, amplitude=model_error),
+            prior=Prior(thickness=usual),
+            max_paints=max_paints,
+            layers=layers,
+            memory=bound,
+            client=client,
+            overwrite=overwrite,
+            told=told,
+        )
+    facts = {"Ground": words, "Instrument": f"{seen_by.describe()}, refractive index {refractive_index:g}"}
+
+    def about() -> Any:
+        from .about import about_map, command_line, ground_file
+
+        read = {**given_files, "--ground": ground_file(ground)}
+        return about_map(command_line(map_, "map", typed, ("cube",)), typed, source.path, read, found, facts)
+
+    console.print(f"Wrote the map to {out}")
+    _write(MapStore.open(out), found, opened, console, csv, export, report, overwrite, about)
+
+
+def _check_outputs(
+    out: Path,
+    inputs: Mapping[str, Path | None],
+    csv: Path | None,
+    export: Path | None,
+    report: Path | None,
+    overwrite: bool,
+) -> None:
+    """Refuse what could not be written in the end, before anything is read."""
+    from .export import check_export
+    from .store import check_map
+
+    for name, path in inputs.items():
+        if path is not None and path.resolve() == out.resolve():
+            raise ValueError(f"--out is {out}, which is {name}: give the map another name")
+    check_map(out, overwrite=overwrite)
+    files = {"--csv": csv}
+    if export is not None:
+        exported = check_export(export, overwrite=overwrite, argument="--export")
+        files |= {"--export": exported[0], **({"the image of --export": exported[1]} if exported[1:] else {})}
+    options.check_outputs(files, overwrite, inputs=list(inputs.values()))
+    if report is not None:
+        from glazejax.extras import require
+
+        require("matplotlib")
+        if report.resolve() == out.resolve():
+            raise ValueError(f"--report and --out are both {out}: give them different names")
+        options.check_folder(report, overwrite)
+
+
+def _example(out: Path, console: "Console") -> dict[str, Any]:
+    """A small painting beside the map: its cube, its ground, and the paints that the map is not given."""
+    from .example import painting, write_painting
+
+    folder = out.with_name(f"{out.stem}-example")
+    made = painting()
+    header = folder / "painting.hdr"
+    if not header.exists():
+        with progress.doing("making a painting"):
+            write_painting(folder, made)
+        console.print(f"Made a painting of {made.shape[0]} x {made.shape[1]} pixels: {header}")
+    return {"cube": header, "ground": folder / "ground.csv", "without": ",".join(paint.name for paint in made.foreign)}
+
+
+@contextmanager
+def _bar() -> Iterator[Callable[[Any], None]]:
+    """A bar for each stage; what is yielded goes to `map_cube` as ``told``."""
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
+               TimeRemainingColumn())  # fmt: skip
+    screen = Console(stderr=True)
+    bars: dict[str, Any] = {}
+    with Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal) as shown:
+
+        def told(step: Any) -> None:
+            if step.stage not in bars:
+                bars[step.stage] = shown.add_task(step.stage, total=step.total)
+            shown.update(bars[step.stage], completed=step.done, total=step.total)
+
+        yield told
+
+
+@contextmanager
+def _kept(out: Path, console: "Console") -> Iterator[None]:
+    """After Ctrl-C, say what is finished and how to go on."""
+    from .store import MapStore
+
+    try:
+        yield
+    except KeyboardInterrupt:
+        try:
+            store = MapStore.open(out)
+        except ValueError:
+            raise KeyboardInterrupt from None
+        done, of = len(store.done()), len(store.windows())
+        console.print(f"[yellow]Interrupted: {done} of {of} windows are finished and kept in {out}; the same command "
+                      "goes on from there.[/yellow]")  # fmt: skip
+        raise typer.Exit(progress.INTERRUPTED) from None
+
+
+def _write(
+    store: "MapStore",
+    found: "xarray.Dataset",
+    opened: "xarray.DataArray",
+    console: "Console",
+    csv: Path | None,
+    export: Path | None,
+    report: Path | None,
+    overwrite: bool,
+    about: Callable[[], Any],
+) -> None:
+    """Print the map, and write what was asked for beside it."""
+    from .report import print_map, write_sets
+
+    tallies, sets = store.sums()
+    print_map(found, sets, console, _ROWS)
+    if csv is not None:
+        write_sets(csv, found, sets, found.attrs.get("working_wavelengths", ()), overwrite=overwrite)
+        console.print(f"Wrote the table of sets to {csv}")
+    if export is not None:
+        from .export import export_map
+
+        with progress.doing(f"writing {export}"):
+            files = export_map(store.path, export, overwrite=overwrite)
+        console.print(f"Wrote it as {' and '.join(map(str, files))} too")
+    if report is not None:
+        from .page import write_report
+
+        with progress.doing("writing the report"):
+            page = write_report(found, tallies, sets, about(), report, cube=opened, overwrite=overwrite)
+        console.print(f"Wrote the report to {page}")

@@ -1,0 +1,117 @@
+"""A map in words and tables: what the command prints, and the table of sets."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from glazejax.io import write_table
+from glazejax.report import plain_table
+
+from .chunk import Members, SetSum
+from .layout import STATUS_WORDS, Status
+
+if TYPE_CHECKING:
+    import xarray
+    from rich.console import Console
+
+_NONE = "none of these"
+_LINES = 1 << 20
+
+
+def name_of_set(members: Members, paints: Sequence[str]) -> str:
+    """A set in words."""
+    return " + ".join(paints[number] for number in members) or _NONE
+
+
+def statuses(dataset: "xarray.Dataset") -> dict[Status, int]:
+    """Pixels of each status, those that occur, without the whole map in memory."""
+    counts = np.zeros(len(Status), np.int64)
+    rows = max(1, _LINES // dataset.sizes["x"])
+    for y in range(0, dataset.sizes["y"], rows):
+        counts += np.bincount(dataset["status"][y : y + rows].values.ravel(), minlength=counts.size)
+    return {status: int(counts[status]) for status in Status if counts[status]}
+
+
+def by_area(sets: Mapping[Members, SetSum]) -> list[tuple[Members, SetSum]]:
+    """Sets, the most frequent first."""
+    return sorted(sets.items(), key=lambda each: (-each[1].pixels, each[0]))
+
+
+def print_map(dataset: "xarray.Dataset", sets: Mapping[Members, SetSum], console: "Console", top: int) -> None:
+    """Print what became of the pixels, and the sets that take up most of the area.
+
+    Args:
+        dataset: the map.
+        sets: sums over the pixels of each set.
+        console: to print to.
+        top: rows of the table.
+    """
+    counts = statuses(dataset)
+    mapped = counts.get(Status.MAPPED, 0)
+    lines, samples = dataset.sizes["y"], dataset.sizes["x"]
+    others = [f"{count:,} {STATUS_WORDS[status]}" for status, count in counts.items() if status is not Status.MAPPED]
+    console.print(f"[bold]{lines} x {samples} pixels: {'; '.join([f'{mapped:,} mapped', *others])}.[/bold]")
+    if not mapped:
+        return
+    paints = [str(name) for name in dataset["paint"].values]
+    table = plain_table("paints", "pixels", "area", "thickness", "misfit")
+    ordered = by_area(sets)
+    for members, one in ordered[:top]:
+        row = _row(members, one, paints, mapped)
+        thickness = "-" if row["thickness_um"] is None else f"{row['thickness_um']:.3g} µm"
+        misfit = "-" if not members else f"{row['rmse_of_mean']:.4f}"
+        table.add_row(row["paints"], f"{one.pixels:,}", f"{row['share']:.1%}", thickness, misfit)
+    console.print(table)
+    if len(ordered) > top:
+        rest = sum(one.pixels for _, one in ordered[top:])
+        console.print(f"[dim]and {len(ordered) - top} further sets on {rest / mapped:.1%} of the area[/dim]")
+
+
+def write_sets(
+    path: Path,
+    dataset: "xarray.Dataset",
+    sets: Mapping[Members, SetSum],
+    grid: Sequence[float],
+    *,
+    overwrite: bool = False,
+) -> None:
+    """Write a table of sets: pixels, share of the mapped area, thickness, and mean spectra, measured and fitted.
+
+    Args:
+        path: CSV, or TSV by its ending.
+        dataset: the map.
+        sets: sums over the pixels of each set.
+        grid: (bands,), nm, of the sums.
+        overwrite: whether a file that exists may be replaced.
+
+    Raises:
+        FileExistsError, FileNotFoundError, IsADirectoryError: see `glazejax.io.outputs.check_output`.
+    """
+    paints = [str(name) for name in dataset["paint"].values]
+    mapped = sum(one.pixels for one in sets.values())
+    titles = ["paints", "pixels", "share", "thickness_um", "pixels_with_thickness", "rmse_of_mean", "sd_of_pixels"]
+    bands = [f"{kind}_{nm:g}" for kind in ("measured", "fitted") for nm in grid]
+    rows = []
+    for members, one in by_area(sets):
+        row = _row(members, one, paints, mapped)
+        means = [*(one.spectrum / one.pixels), *(one.fitted / one.pixels)]
+        rows.append([*("" if row[name] is None else row[name] for name in titles), *map(float, means)])
+    write_table(path, [*titles, *bands], rows, overwrite=overwrite)
+
+
+def _row(members: Members, one: SetSum, paints: Sequence[str], mapped: int) -> dict[str, Any]:
+    """Numbers of a set by the titles of its table."""
+    mean, fitted = one.spectrum / one.pixels, one.fitted / one.pixels
+    total, count = one.thickness
+    return {
+        "paints": name_of_set(members, paints),
+        "pixels": one.pixels,
+        "share": one.pixels / mapped,
+        "thickness_um": total / count * 1e6 if count else None,
+        "pixels_with_thickness": count,
+        "rmse_of_mean": float(np.sqrt(np.mean((mean - fitted) ** 2))),
+        # How far pixels lie about their mean, over all bands.
+        "sd_of_pixels": float(np.sqrt(np.mean(np.maximum(one.square / one.pixels - mean**2, 0.0)))),
+    }

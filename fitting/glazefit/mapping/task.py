@@ -1,0 +1,172 @@
+"""What a map is made from, checked: the image, the search for its paints, the ground, all that the map depends on."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from jaxtyping import ArrayLike, Bool, Float
+
+from glazejax import Pigment
+from glazejax.geometry import Geometry, Instrument, resolve_instrument
+from glazejax.spectra import describe_grid
+
+from ..film.errors import BETWEEN_FILMS, Discrepancy, Prior
+from ..film.films import Noise
+from ..identify.searcher import Searcher
+from .local import check_errors
+from .solver import Image
+from .spots import spot_pigment
+from .working import WorkingBands
+
+if TYPE_CHECKING:
+    import xarray
+
+    from glazejax.io import CubeSource
+
+_VERSION = 1
+
+
+@dataclass(frozen=True)
+class MapTask:
+    """A map that is to be made.
+
+    Attributes:
+        image: and its working bands. Its noise is that of a bench instrument until it is told.
+        shape: rows and columns.
+        searcher: of the paints.
+        ground: internal reflectance at the working bands; None where films hide it.
+        told_noise: whether the noise was told.
+        options: all that the map depends on.
+        notes: what the reader of the image noticed.
+        coords: numbers along y and x and their attributes.
+    """
+
+    image: Image
+    shape: tuple[int, int]
+    searcher: Searcher
+    ground: Float[np.ndarray, "bands"] | None
+    told_noise: bool
+    options: dict[str, Any]
+    notes: tuple[str, ...]
+    coords: dict[str, tuple[np.ndarray, dict[str, Any]]]
+
+    def with_noise(self, noise: Noise) -> "MapTask":
+        """The same with the noise of a reading known."""
+        return replace(self, image=replace(self.image, noise=noise))
+
+
+def map_task(
+    cube: "CubeSource | str | Path | xarray.DataArray",
+    pigments: Sequence[Pigment],
+    *,
+    grounds: ArrayLike | None,
+    mask: Bool[np.ndarray, "y x"] | str | Path | None = None,
+    spots: Mapping[str, Float[np.ndarray, "bands"]] | None = None,
+    instrument: Instrument | None = None,
+    geometry: Geometry | None = None,
+    noise: Noise | None = None,
+    discrepancy: Discrepancy | None = None,
+    prior: Prior | None = None,
+    max_paints: int = 3,
+    layers: int = 1,
+) -> MapTask:
+    """Options of `glazefit.map_cube`, checked; nothing of the image is read but what it is.
+
+    Raises:
+        ValueError: options or shapes that do not fit.
+    """
+    from glazejax.io import CubeSource, read_mask
+
+    source = CubeSource(Path(cube)) if isinstance(cube, str | Path) else cube
+    array = source.open() if isinstance(source, CubeSource) else _checked(source)
+    shape: tuple[int, int] = (array.shape[0], array.shape[1])
+    stored = np.asarray(array["wavelength"], float)
+    use = read_mask(mask, shape) if isinstance(mask, str | Path) else mask
+    if use is not None and np.shape(use) != shape:
+        raise ValueError(f"the mask has {_pixels(np.shape(use))}, the image {_pixels(shape)}")
+    use = None if use is None else np.asarray(use, bool)
+    seen_by, expected, errors = resolve_instrument(instrument, geometry), prior or Prior(), discrepancy or BETWEEN_FILMS
+    check_errors(errors)
+    extra = [spot_pigment(name, stored, spectrum, pigments, seen_by) for name, spectrum in (spots or {}).items()]
+    known = [*pigments, *extra]
+    bands = WorkingBands.of(stored, known)
+    searcher = Searcher.of(
+        bands.wavelengths, known, opaque=grounds is None, instrument=seen_by, discrepancy=errors, prior=expected,
+        max_paints=max_paints, layers=layers,
+    )  # fmt: skip
+    ground = None if grounds is None else _ground(grounds, bands, stored)
+    options = {
+        "version": _VERSION,
+        "image": _identity(source, array),
+        "catalogue": {p.name: _digest(p.absorption, p.scattering) for p in known},
+        "ground": ground,
+        "mask": None if use is None else _digest(use),
+        "geometry": seen_by.geometry.describe(),
+        "refractive_index": seen_by.refractive_index,
+        "noise": None if noise is None else [noise.floor, noise.share],
+        "discrepancy": asdict(errors),
+        "prior": asdict(expected),
+        "max_paints": max_paints,
+        "layers": layers,
+    }
+    coords = {axis: (np.asarray(array[axis]), dict(array[axis].attrs)) for axis in ("y", "x") if axis in array.coords}
+    image = Image(source, bands, noise or Noise(), use, array.attrs.get("saturated"))
+    notes = tuple(array.attrs.get("notes", ()))
+    return MapTask(image, shape, searcher, ground, noise is not None, options, notes, coords)
+
+
+def _ground(grounds: ArrayLike, bands: WorkingBands, stored: np.ndarray) -> Float[np.ndarray, "bands"]:
+    """Internal reflectance of the ground at the working bands."""
+    given = np.asarray(grounds, float)
+    if given.ndim > 1 or (given.ndim == 1 and given.size != stored.size):
+        raise ValueError(f"grounds of shape {given.shape} are neither a number nor one for each of {stored.size} bands")
+    if not ((given >= 0) & (given <= 1)).all():
+        wrong = given[~((given >= 0) & (given <= 1))].ravel()[0]
+        raise ValueError(f"a ground's internal reflectance is {wrong:g}; it must lie in [0, 1]")
+    return np.broadcast_to(given, stored.shape) @ bands.mean
+
+
+def _checked(array: "xarray.DataArray") -> "xarray.DataArray":
+    """An image that was made by the caller.
+
+    Raises:
+        ValueError: other dimensions, or no wavelengths.
+    """
+    if array.dims != ("y", "x", "wavelength") or "wavelength" not in array.coords:
+        raise ValueError(
+            f"an image has the dimensions y, x, wavelength, with wavelengths in nm; this one has {array.dims}"
+        )
+    grid = np.asarray(array["wavelength"], float)
+    if np.any(np.diff(grid) <= 0) or grid[0] < 100:
+        raise ValueError(f"wavelengths must ascend and be in nm; these are {describe_grid(grid)}")
+    return array
+
+
+def _pixels(shape: Sequence[int]) -> str:
+    return " x ".join(map(str, shape)) + " pixels"
+
+
+def _identity(source: "CubeSource | xarray.DataArray", array: "xarray.DataArray") -> dict[str, Any]:
+    """What says that two images are the same."""
+    from glazejax.io import CubeSource
+
+    told = {"shape": list(array.shape), "wavelengths": _digest(np.asarray(array["wavelength"], float))}
+    if not isinstance(source, CubeSource):
+        rows = np.linspace(0, array.shape[0] - 1, min(8, array.shape[0])).astype(int)
+        return told | {"some lines": _digest(*(array[int(y)].to_numpy() for y in rows))}
+    from dataclasses import asdict
+
+    from glazejax.io.cubes.hashes import quick_source_hash
+
+    return told | {"source": asdict(source), "hash": quick_source_hash(source.path)}
+
+
+def _digest(*arrays: Any) -> str:
+    from hashlib import sha256
+
+    whole = sha256()
+    for array in arrays:
+        whole.update(np.ascontiguousarray(array).tobytes())
+    return whole.hexdigest()[:16]

@@ -1,0 +1,303 @@
+"""The command `glazejax map`, with a solver that answers at once: what is asked for is written, and nothing is lost."""
+
+import csv
+import functools
+import json
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+from typer.testing import CliRunner
+
+import glazefit.mapping.example
+import glazefit.mapping.map_cube
+from glazefit.mapping.asked import read_bands, read_binning, read_memory, read_spots, read_window
+from glazefit.mapping.chunk import ChunkMaps, SetSum
+from glazefit.mapping.command import register
+from glazefit.mapping.layout import VARIABLES, Status
+from glazefit.mapping.run import run_chunks
+from glazefit.mapping.store import MapStore, open_map
+
+xarray = pytest.importorskip("xarray")
+pytest.importorskip("zarr")
+
+RUNNER = CliRunner()
+GRID = np.arange(400.0, 701.0, 30.0)
+SHAPE, CHUNK = (12, 10), (4, 10)
+
+
+def run(*arguments):
+    app = typer.Typer()
+    register(app)
+    app.callback()(lambda: None)
+    return RUNNER.invoke(app, ["map", *map(str, arguments)])
+
+
+@pytest.fixture(scope="module")
+def cube(tmp_path_factory) -> Path:
+    """An ENVI image of some grey, its left column the bare ground."""
+    header = tmp_path_factory.mktemp("cube") / "panel.hdr"
+    values = np.full((*SHAPE, GRID.size), 0.4, "<f4")
+    values[:, 0] = 0.7
+    values[0, 5, 3] = np.nan
+    header.with_suffix(".dat").write_bytes(values.transpose(2, 0, 1).tobytes())
+    header.write_text(
+        f"ENVI\nsamples = {SHAPE[1]}\nlines = {SHAPE[0]}\nbands = {GRID.size}\nheader offset = 0\ndata type = 4\n"
+        "interleave = bsq\nbyte order = 0\nwavelength units = Nanometers\n"
+        f"wavelength = {{ {', '.join(f'{nm:g}' for nm in GRID)} }}\n"
+    )
+    return header
+
+
+@dataclass(frozen=True)
+class Halves:
+    """The first paint on the left, the first two on the right; the last row was left out."""
+
+    paints: int
+
+    def solve(self, window) -> ChunkMaps:
+        y, x = window.shape
+        arrays = {}
+        for variable in VARIABLES:
+            further = tuple({"place": 3, "paint": self.paints, "rgb": 3}[name] for name in variable.further)
+            arrays[variable.name] = np.full((y, x, *further), variable.fill, variable.dtype)
+        arrays["status"][:] = Status.MAPPED
+        arrays["members"][..., 0] = 0
+        arrays["members"][:, x // 2 :, 1] = 1
+        arrays["fraction"][..., :2] = np.where(arrays["members"][..., :2] >= 0, 0.5, np.nan)
+        arrays["paint_probability"][:] = 0.02
+        arrays["paint_probability"][..., 0] = 0.9
+        for name in ("probability", "misfit", "rmse", "none"):
+            arrays[name][:] = 0.1
+        arrays["thickness"][:] = 20e-6
+        arrays["explained"][:] = 1
+        arrays["true_colour"][:] = 120
+        if window.y1 == SHAPE[0]:
+            for name, variable in ((v.name, v) for v in VARIABLES):
+                arrays[name][-1] = variable.fill
+            arrays["status"][-1] = Status.MASKED
+            y -= 1
+        half = y * (x // 2)
+        one = SetSum(half, half * np.full(GRID.size, 0.4), half * np.full(GRID.size, 0.41),
+                     half * np.full(GRID.size, 0.17), (half * 20e-6, half))  # fmt: skip
+        return ChunkMaps(arrays, {"pixels": float(y * x)}, {(0,): one, (0, 1): one})
+
+
+@pytest.fixture
+def mapped(monkeypatch) -> list[dict]:
+    """What `map_cube` is called with; it maps halves, and is stopped where `stop` says so."""
+    calls: list[dict] = []
+
+    def map_cube(source, pigments, *, out, overwrite, told, client, **given):
+        stop = next((call["stop"] for call in calls if "stop" in call), None)
+        calls.append({"cube": source, "pigments": pigments, "client": client, **given})
+        names = [*(p.name for p in pigments), *(given["spots"] or ())]
+        shape = source.open().shape[:2]
+        store = MapStore.create(
+            out, shape, CHUNK, names, options={"path": source.path}, overwrite=overwrite,
+            attrs={"working_wavelengths": GRID, "representatives": 7, "notes": ["a note"],
+                   "agreement": {"pixels": 9, "first": 1.0, "explained": 1.0, "probability": 0.01,
+                                 "probability_90": 0.02, "amount": float("nan"), "amount_90": float("nan")}},
+        )  # fmt: skip
+        told(glazefit.mapping.map_cube.Progress("mapping", 0, 3))
+
+        def tell(*_):
+            done = len(store.done())
+            told(glazefit.mapping.map_cube.Progress("mapping", done, 3))
+            if done == stop:
+                raise KeyboardInterrupt
+
+        run_chunks(store, Halves(len(names)), client, tell)
+        return open_map(out)
+
+    monkeypatch.setattr(glazefit.mapping.map_cube, "map_cube", map_cube)
+    return calls
+
+
+@pytest.mark.parametrize(
+    ("arguments", "complaint"),
+    [
+        ([], "no CUBE was given"),
+        (["none.hdr", "--example"], "leave out none.hdr, or leave out --example"),
+        (["none.hdr"], "what is under the paint"),
+        (["none.hdr", "--opaque"], "there is no such file"),
+        (["none.hdr", "--opaque", "--ground", "0.9"], "shows no ground"),
+        (["none.hdr", "--opaque", "--bare"], "give --ground too"),
+        (["none.hdr", "--opaque", "--max-paints", "4"], "--max-paints is 4"),
+        (["none.hdr", "--opaque", "--layers", "3"], "--layers is 3"),
+        (["none.hdr", "--opaque", "--memory", "much"], "--memory is 'much'"),
+        (["none.hdr", "--opaque", "--window", "3:1,0:4"], "--window is '3:1,0:4'"),
+        (["none.hdr", "--opaque", "--bin", "0"], "--bin is '0'"),
+        (["none.hdr", "--opaque", "--bands", "700-400"], "--bands is '700-400'"),
+        (["none.hdr", "--opaque", "--wavelengths", "none.txt"], "--wavelengths is 'none.txt'"),
+        (["none.hdr", "--opaque", "--white-reflectance", "99"], "--white-reflectance is 99"),
+        (["none.hdr", "--opaque", "--white-reflectance", "none.txt"], "neither a number nor a file"),
+        (["none.hdr", "--opaque", "--export", "map.tif"], "--export map.tif: maps are exported as"),
+        (["none.hdr", "--opaque", "--out", "none.hdr"], "which is CUBE"),
+        (["none.hdr", "--opaque", "--out", "none/map.zarr"], "does not exist"),
+        (["none.hdr", "--opaque", "--csv", "a.nc", "--export", "a.nc"], "are both a.nc"),
+        (["none.hdr", "--opaque", "--report", "map.zarr"], "are both map.zarr"),
+        (["none.hdr", "--opaque", "--scheduler", "tcp://127.0.0.1:1"], "there is no such file"),
+    ],
+)
+def test_bad_options_end_in_one_sentence(arguments, complaint, tmp_path, monkeypatch, mapped):
+    monkeypatch.chdir(tmp_path)
+    done = run(*arguments)
+    assert isinstance(done.exception, ValueError | OSError), done.output
+    assert complaint in str(done.exception)
+    assert "\n" not in str(done.exception)
+    assert not list(tmp_path.iterdir())
+    assert not mapped
+
+
+def test_options_are_read_as_they_are_written():
+    assert read_memory("2GiB") == 2**31
+    assert read_memory("800 MB") == 800_000_000
+    assert read_memory("1.5g") == 3 * 2**29
+    assert read_window("1:3,10:30") == (10, 30, 1, 3)
+    assert read_window("") is None
+    assert read_binning("2") == (2, 2, 1)
+    assert read_binning("2,3,4") == (2, 3, 4)
+    assert read_bands("420-700 nm") == (420.0, 700.0)
+    assert read_spots(["A = 1,2", "B=m.png"], ["C"]) == {"A": "1,2", "B": "m.png"}
+    for texts in (["A"], ["=1,2"], ["A="], ["C=1,2"], ["A=1,2", "A=3,4"]):
+        with pytest.raises(ValueError, match="--spot"):
+            read_spots(texts, ["C"])
+
+
+def test_a_map_its_report_its_table_and_its_exports_are_written(tmp_path, monkeypatch, cube, mapped):
+    monkeypatch.chdir(tmp_path)
+    files = ["--report", "page", "--csv", "sets.csv", "--export", "map.nc", "--out", "panel.zarr"]
+    done = run(cube, "--ground", "0.9", "--only", "ZincWhite,Eosin", *files)
+    assert done.exception is None, done.output
+    assert "12 x 10 pixels: 110 mapped; 10 left out by the mask." in done.output
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["map.nc", "page", "panel.zarr", "sets.csv"]
+    rows = list(csv.DictReader((tmp_path / "sets.csv").open()))
+    assert [(row["paints"], row["pixels"], float(row["share"])) for row in rows] == [
+        ("ZincWhite", "55", 0.5),
+        ("ZincWhite + Eosin", "55", 0.5),
+    ]
+    assert float(rows[0]["thickness_um"]) == pytest.approx(20.0)
+    assert float(rows[0]["rmse_of_mean"]) == pytest.approx(0.01)
+    assert float(rows[0]["sd_of_pixels"]) == pytest.approx(0.1)
+    assert float(rows[0]["measured_430"]) == pytest.approx(0.4)
+    assert float(rows[0]["fitted_700"]) == pytest.approx(0.41)
+    with xarray.open_dataset(tmp_path / "map.nc", engine="h5netcdf") as exported:
+        assert int((exported.status == Status.MAPPED).sum()) == 110
+    page = (tmp_path / "page" / "report.html").read_text()
+    command = f"glazejax map {cube} --out panel.zarr --only ZincWhite,Eosin --ground 0.9 --report page"
+    for words in (
+        command,
+        "7 spectra of the image were searched in full",
+        "Same first set",
+        "a note",
+        "reflectance 0.9",
+    ):
+        assert words in page
+    # What is there already is not replaced unasked, and a finished map is not made again.
+    for kept in ("--csv", "--export", "--report"):
+        assert isinstance(run(cube, "--ground", "0.9", *files[: files.index(kept) + 2]).exception, FileExistsError)
+    again = run(cube, "--ground", "0.9", "--only", "ZincWhite,Eosin", "--out", "panel.zarr")
+    assert again.exception is None, again.output
+    other = run(cube, "--ground", "0.9", "--only", "ZincWhite", "--out", "panel.zarr")
+    assert "was begun with other options (paints: " in str(other.exception)
+    anew = run(cube, "--ground", "0.9", "--only", "ZincWhite,BoneBlack", *files, "--overwrite")
+    assert anew.exception is None, anew.output
+    assert json.loads((tmp_path / "panel.zarr" / "zarr.json").read_text())["attributes"]["paints"] == [
+        "ZincWhite",
+        "BoneBlack",
+    ]
+
+
+def test_an_interrupt_keeps_what_is_finished_and_says_how_to_go_on(tmp_path, monkeypatch, cube, mapped):
+    monkeypatch.chdir(tmp_path)
+    mapped.append({"stop": 2})
+    done = run(cube, "--opaque", "--only", "ZincWhite,Eosin")
+    assert done.exit_code == 130
+    assert "2 of 3 windows are finished and kept in map.zarr; the same command goes on" in " ".join(done.output.split())
+    mapped.clear()
+    again = run(cube, "--opaque", "--only", "ZincWhite,Eosin")
+    assert again.exception is None, again.output
+    assert "110 mapped" in again.output
+
+
+def test_an_interrupt_before_there_is_a_map_is_only_that(tmp_path, monkeypatch, cube):
+    monkeypatch.chdir(tmp_path)
+
+    def interrupted(*arguments, **named):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(glazefit.mapping.map_cube, "map_cube", interrupted)
+    done = run(cube, "--opaque")
+    assert done.exit_code in (1, 130)
+    assert "finished" not in done.output
+
+
+def test_ground_and_spots_are_measured_in_the_cube(tmp_path, monkeypatch, cube, mapped):
+    monkeypatch.chdir(tmp_path)
+    done = run(cube, "--ground", "cube:0:1,2:10", "--only", "ZincWhite", "--spot", "Grey=2:4,3:6", "--spot", "Bare=0,1")
+    assert done.exception is None, done.output
+    (call,) = mapped
+    assert call["grounds"].shape == GRID.shape
+    # In air it reads 0.7; under paint it is brighter, as the surface throws light back to it.
+    assert 0.8 < call["grounds"].min() <= call["grounds"].max() < 0.95
+    np.testing.assert_allclose(call["spots"]["Grey"], 0.4, rtol=1e-6)
+    np.testing.assert_allclose(call["spots"]["Bare"], 0.7, rtol=1e-6)
+    assert call["cube"].path.is_absolute()
+    assert call["noise"] is None
+    for words, complaint in (
+        (["--ground", "cube:0:99,0:1"], "does not lie in the image"),
+        (["--ground", "cube:5,0"], "1 bands have no reading there"),
+        (["--opaque", "--spot", "A=5,0"], "1 bands have no reading there"),
+        (["--opaque", "--spot", "ZincWhite=2,2"], "a paint 'ZincWhite' already"),
+        (["--opaque", "--spot", "A=none.png"], "neither a place such as"),
+    ):
+        failed = run(cube, "--out", "other.zarr", "--only", "ZincWhite", *words)
+        assert complaint in str(failed.exception)
+
+
+def test_a_ground_needs_to_be_known_only_where_paints_are(tmp_path, monkeypatch, cube, mapped):
+    monkeypatch.chdir(tmp_path)
+    paints = [f"{name},{nm:g},1000,50000" for name in ("Own", "Other") for nm in np.arange(450.0, 641.0, 10.0)]
+    Path("own.csv").write_text("\n".join(["pigment,wavelength_nm,absorption,scattering", *paints]) + "\n")
+    Path("ground.csv").write_text("Name,450,550,650\ncard,0.5,0.6,0.7\n")
+    done = run(cube, "--pigments", "own.csv", "--ground", "ground.csv")
+    assert done.exception is None, done.output
+    np.testing.assert_allclose(
+        mapped[0]["grounds"][2:9], np.interp(GRID[2:9], [450, 550, 650], [0.5, 0.6, 0.7]), atol=0.01
+    )
+
+
+def test_a_dask_scheduler_is_asked(tmp_path, monkeypatch, cube, mapped):
+    distributed = pytest.importorskip("distributed")
+    monkeypatch.chdir(tmp_path)
+    with distributed.LocalCluster(n_workers=1, processes=False, dashboard_address=None, silence_logs=60) as cluster:
+        done = run(cube, "--opaque", "--only", "ZincWhite,Eosin", "--scheduler", cluster.scheduler_address)
+        assert done.exception is None, done.output
+        assert mapped[0]["client"].status == "closed"
+    assert int((open_map("map.zarr").status == Status.MAPPED).sum()) == 110
+
+
+def test_the_example_is_made_and_mapped(tmp_path, monkeypatch, mapped):
+    monkeypatch.chdir(tmp_path)
+    small = functools.partial(glazefit.mapping.example.painting, (6, 8), 8)
+    monkeypatch.setattr(glazefit.mapping.example, "painting", small)
+    done = run("--example", "--out", "small.zarr")
+    assert done.exception is None, done.output
+    made = small()
+    assert mapped[0]["cube"].path == tmp_path / "small-example" / "painting.hdr"
+    np.testing.assert_allclose(mapped[0]["grounds"], made.ground, atol=1e-6)
+    foreign = {paint.name for paint in made.foreign}
+    assert not foreign & {paint.name for paint in mapped[0]["pigments"]}
+    assert {paint.name for paint in mapped[0]["pigments"]} == {paint.name for paint in made.paints}
+    # A second run maps the same painting.
+    before = (tmp_path / "small-example" / "painting.dat").stat().st_mtime_ns
+    assert (
+        run("--example", "--out", "small.zarr", "--opaque", "--only", "ZincWhite,BoneBlack", "--overwrite").exception
+        is None
+    )
+    assert (tmp_path / "small-example" / "painting.dat").stat().st_mtime_ns == before
+    assert mapped[1]["grounds"] is None
+    assert [paint.name for paint in mapped[1]["pigments"]] == ["ZincWhite", "BoneBlack"]
