@@ -295,7 +295,7 @@ def _made(look: Overview, tallies: Mapping[str, float], about: About) -> str:
         ("Shortcuts, and what each may cost", about.shortcuts),
         ("Checked against the full search", about.agreement),
         ("Options", about.options),
-        ("Counts", {name.replace("_", " ").capitalize(): f"{count:,.10g}" for name, count in tallies.items()}),
+        ("Counts", {name.replace("_", " ").capitalize(): f"{n:,.10g}" for name, n in tallies.items() if n}),
     ):
         if named:
             out += f"<h4>{title}</h4>\n<dl>{_pairs(named)}</dl>\n"
