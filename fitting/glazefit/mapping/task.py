@@ -83,7 +83,7 @@ def map_task(
     array = source.open() if isinstance(source, CubeSource) else _checked(source)
     shape: tuple[int, int] = (array.shape[0], array.shape[1])
     stored = np.asarray(array["wavelength"], float)
-    use = read_mask(mask, shape) if isinstance(mask, str | Path) else mask
+    use = read_mask(mask, array) if isinstance(mask, str | Path) else mask
     if use is not None and np.shape(use) != shape:
         raise ValueError(f"the mask has {_pixels(np.shape(use))}, the image {_pixels(shape)}")
     use = None if use is None else np.asarray(use, bool)
