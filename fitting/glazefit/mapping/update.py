@@ -101,7 +101,7 @@ class Updater:
         moved = readings - self.reading
         every = moved @ self.by
         off, logs, seen, left = (part.reshape(len(moved), count, -1) for part in np.split(every, self.ends, axis=1))
-        weight = local.log_weight + self._gained(local.off + off, np.clip(logs, -_FAR, _FAR))
+        weight = local.log_weight + gained(local, local.off + off, np.clip(logs, -_FAR, _FAR))
         distance = np.linalg.norm(local.seen + seen, axis=-1), np.linalg.norm(local.left + left, axis=-1)
         shape = np.broadcast_to(local.shape, weight.shape)
         far = Off(*distance, shape, np.full(len(moved), self.blur))
@@ -133,23 +133,6 @@ class Updater:
             fitted,
         )
 
-    def _gained(
-        self, off: Float[np.ndarray, "spectra n bands"], logs: Float[np.ndarray, "spectra n 3"]
-    ) -> Float[np.ndarray, "spectra n"]:
-        """What the log weights of the candidates are more than at the representative; see `fit._evidence`."""
-        local = self.local
-        freedom, whole, trust = local.numbers[:, 0], local.numbers[:, :2].sum(axis=1), local.numbers[:, 2]
-        before, now = np.sum(local.off**2, axis=-1), np.einsum("snb,snb->sn", off, off)
-        heavy = freedom > 0
-        safe = np.where(heavy, freedom, 1.0)
-        gained = np.where(heavy, -0.5 * whole * (np.log1p(now / safe) - np.log1p(before / safe)), -0.5 * (now - before))
-        # How sharply the data hold the amounts changes with how well all is met.
-        share, shared = (np.where(heavy, whole / (safe + square), 1.0) for square in (now, before))
-        volume = np.log1p(share[..., None] * local.ratios) - np.log1p(shared[:, None] * local.ratios)
-        prior = np.einsum("snm,nm->sn", logs, local.gradient)
-        prior = prior + 0.5 * np.einsum("snm,nmp,snp->sn", logs, local.hessian, logs, optimize=True)
-        return trust * (gained - prior - 0.5 * volume.sum(axis=-1))
-
 
 def _order(local: Local) -> list[Smaller]:
     """Which candidates have others of one paint less beside them."""
@@ -159,3 +142,26 @@ def _order(local: Local) -> list[Smaller]:
         nothing, nothing, local.log_weight[None], local.condition[None],
     )  # fmt: skip
     return smaller_sets(pool, 0, np.ones(len(local.row), bool))
+
+
+def gained(
+    local: Local, off: Float[np.ndarray, "spectra n bands"], logs: Float[np.ndarray, "spectra n 3"]
+) -> Float[np.ndarray, "spectra n"]:
+    """What the log weights of candidates are more than at their representative; see `glazefit.identify.fit`.
+
+    Args:
+        local: the candidates.
+        off: their whitened residuals.
+        logs: how far their log amounts have moved.
+    """
+    freedom, whole, trust = local.numbers[:, 0], local.numbers[:, :2].sum(axis=1), local.numbers[:, 2]
+    before, now = np.sum(local.off**2, axis=-1), np.einsum("snb,snb->sn", off, off)
+    heavy = freedom > 0
+    safe = np.where(heavy, freedom, 1.0)
+    met = np.where(heavy, -0.5 * whole * (np.log1p(now / safe) - np.log1p(before / safe)), -0.5 * (now - before))
+    # How sharply the data hold the amounts changes with how well all is met.
+    share, shared = (np.where(heavy, whole / (safe + square), 1.0) for square in (now, before))
+    volume = np.log1p(share[..., None] * local.ratios) - np.log1p(shared[:, None] * local.ratios)
+    prior = np.einsum("snm,nm->sn", logs, local.gradient)
+    prior = prior + 0.5 * np.einsum("snm,nmp,snp->sn", logs, local.hessian, logs, optimize=True)
+    return trust * (met - prior - 0.5 * volume.sum(axis=-1))

@@ -130,7 +130,7 @@ def classify(
             (Status.TOO_BRIGHT, top > _TOO_BRIGHT),
             (Status.NEGATIVE, (readings < -(_SURE * sd + _SLACK)).any(axis=-1)),
             (Status.SATURATED, np.isposinf(top)),
-            (Status.NO_DATA, np.isnan(readings).any(axis=-1) | (top == bottom)),
+            (Status.NO_DATA, np.isnan(readings).any(axis=-1) | (np.isfinite(top) & (top == bottom))),
         ]
     for number, where in tests:
         status[where] = int(number)

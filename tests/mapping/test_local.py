@@ -1,0 +1,151 @@
+"""Answers in closed form, beside searches of the same spectra."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from glazefit import Discrepancy, Noise
+from glazefit.identify.searcher import Searcher
+from glazefit.identify.weigh import weigh
+from glazefit.mapping.atlas import Atlas
+from glazefit.mapping.colour_metric import colour_metric
+from glazefit.mapping.local import Searched, as_measured, check_errors, searched
+from glazefit.mapping.survey import Features
+from glazefit.mapping.working import WorkingBands
+from glazejax.colour import delta_e_of_spectra
+from tests.mapping import small
+
+
+@dataclasses.dataclass
+class Problem:
+    searcher: Searcher
+    ground: np.ndarray
+    readings: np.ndarray
+    sd: np.ndarray
+    known: Searched
+
+    @property
+    def atlas(self):
+        features = Features.of(self.readings)
+        return Atlas.of(features, self.known, self.searcher.task.prior)
+
+    def search(self, readings):
+        return list(self.searcher.search(as_measured(self.searcher, readings, self.sd, self.ground)))
+
+
+def sd_of(readings):
+    return np.hypot(0.001, Noise().sd(readings))
+
+
+@pytest.fixture(scope="module", params=["over a ground", "hiding"])
+def problem(request):
+    scene = small.scene()
+    bands = WorkingBands.of(scene.wavelengths, small.paints())
+    searcher = Searcher.of(bands.wavelengths, small.paints(), opaque=request.param == "hiding", max_paints=2)
+    ground = None if request.param == "hiding" else scene.ground @ bands.mean
+    spectra = scene.rows(0, 24, noise=False).reshape(-1, scene.wavelengths.size)
+    readings = bands.means(spectra)[np.random.default_rng(0).choice(len(spectra), 16, replace=False)].astype(float)
+    return Problem(searcher, ground, readings, sd_of(readings), searched(searcher, readings, sd_of(readings), ground))
+
+
+def probabilities(problem, readings):
+    parts = [weigh(*one, problem.searcher.paints, problem.searcher.opaque, 3) for one in problem.search(readings)]
+    return parts[0]
+
+
+def test_at_a_representative_it_is_the_search(problem):
+    found, apart = problem.atlas.answers(problem.readings.astype("f4"))
+    whole = probabilities(problem, problem.readings)
+    assert apart.max() < 0.05
+    assert (np.sort(found.members, axis=1) == np.sort(whole.members[:, 0], axis=1)).all()
+    np.testing.assert_allclose(found.probability, whole.probability[:, 0], atol=0.01)
+    np.testing.assert_allclose(found.none, whole.none, atol=0.01)
+    np.testing.assert_allclose(found.paint_probability, whole.paint_probability, atol=0.02)
+    np.testing.assert_allclose(found.fitted, whole.fitted[:, 0, 0], atol=1e-4)
+    np.testing.assert_allclose(np.exp(found.amounts), whole.amounts[:, 0], rtol=1e-3, atol=1e-12)
+    np.testing.assert_array_equal(found.explained, whole.explained)
+
+
+def test_near_a_representative_it_follows_the_search(problem):
+    """Weights of candidates, amounts, fits and Delta E move as those of a new search do."""
+    rng = np.random.default_rng(1)
+    step = 0.01 * problem.readings * np.sin(np.linspace(0, 3, problem.readings.shape[1]) + rng.random((16, 1)) * 6)
+    before, after = problem.search(problem.readings)[0], problem.search(problem.readings + step)[0]
+    local = problem.known.local
+    moved, predicted, shift, fits = [], [], [], []
+    for n in range(len(local.row)):
+        row = local.row[n]
+        same = [
+            (pool.members[row] == local.members[n]).all(axis=1) & (pool.condition[row] == local.condition[n])
+            & np.isfinite(pool.log_weight[row])
+            for _, pool, _ in (before, after)
+        ]  # fmt: skip
+        if not (same[0].any() and same[1].any()):
+            continue
+        one, other = (int(np.argmax(s)) for s in same)
+        moved.append(after[1].log_weight[row, other] - before[1].log_weight[row, one])
+        predicted.append(_gain(local.take(np.array([n])), step[row]))
+        fit = after[1].readings[row, other] - before[1].readings[row, one]
+        fits.append([fit, local.fitted_by[n] @ step[row]])
+        size = local.members[n] >= 0
+        amounts = after[1].logs[row, other] - before[1].logs[row, one]
+        shift.append(np.max(np.abs(amounts - local.amounts_by[n] @ step[row])[size]))
+    moved, predicted, fits = np.asarray(moved), np.asarray(predicted), np.asarray(fits)
+    assert len(moved) > 40
+    assert np.ptp(moved) > 1.0
+    assert np.median(np.abs(moved - predicted)) < 0.05
+    assert np.corrcoef(moved, predicted)[0, 1] > 0.97
+    assert np.median(shift) < 0.01
+    assert np.median(np.abs(fits[:, 0] - fits[:, 1]).max(axis=1)) < 0.1 * np.median(np.abs(fits[:, 0]).max(axis=1))
+
+
+def _gain(one, step):
+    from glazefit.mapping.update import gained
+
+    off = one.off + np.einsum("nij,j->ni", one.off_by, step)[None]
+    logs = np.einsum("nmj,j->nm", one.logs_by, step)[None]
+    return float(gained(one, off, logs)[0, 0])
+
+
+def test_spectra_between_representatives_are_answered_as_searched(problem):
+    rng = np.random.default_rng(2)
+    noisy = np.maximum(problem.readings + 0.001 * rng.standard_normal(problem.readings.shape), 0.0)
+    found, _ = problem.atlas.answers(noisy.astype("f4"))
+    whole = probabilities(problem, noisy)
+    same = (np.sort(found.members, axis=1) == np.sort(whole.members[:, 0], axis=1)).all(axis=1)
+    assert same.mean() >= 0.85
+    assert np.median(np.abs(found.paint_probability - whole.paint_probability).max(axis=1)) < 0.05
+
+
+def test_what_is_kept_comes_back(problem):
+    arrays = problem.known.arrays()
+    halves = [searched(problem.searcher, problem.readings[n], problem.sd[n], problem.ground).arrays() for n in
+              (slice(0, 16), slice(0, 16))]  # fmt: skip
+    both = Searched.from_parts(2, lambda n, name: halves[n][name])
+    for name, values in both.arrays().items():
+        half = len(values) // 2
+        if name == "local_row":
+            np.testing.assert_array_equal(values[half:], arrays[name] + 16)
+        else:
+            np.testing.assert_allclose(values[:half], arrays[name], rtol=1e-5, atol=1e-6)
+
+
+def test_colours_differ_as_the_metric_says():
+    rng = np.random.default_rng(3)
+    grid = np.arange(400.0, 701.0, 10.0)
+    base = 0.1 + 0.6 * rng.random((6, 1)) * (1 + 0.5 * np.sin(grid / 40.0 + 6 * rng.random((6, 1))))
+    metric = colour_metric(grid, base)
+    step = 0.004 * np.cos(grid / 70.0 + 6 * rng.random((6, 1)))
+    told = np.linalg.norm(np.einsum("scb,sb->sc", metric, step), axis=1)
+    seen = np.asarray(delta_e_of_spectra(grid, base, base + step, observer=10))
+    np.testing.assert_allclose(told, seen, rtol=0.08)
+    # Without a colour it is a hundred times the root mean square.
+    few = np.linspace(900.0, 1000.0, 11)
+    flat = colour_metric(few, np.full((1, 11), 0.4))
+    assert np.linalg.norm(flat[0] @ np.full(11, 0.01)) == pytest.approx(1.0)
+
+
+def test_errors_of_several_scales_are_refused():
+    with pytest.raises(ValueError, match="one scale; this one has 4"):
+        check_errors(Discrepancy())

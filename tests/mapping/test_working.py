@@ -1,0 +1,70 @@
+"""Working bands, noise of their means, and which pixels say anything."""
+
+import numpy as np
+import pytest
+
+from glazefit import Noise
+from glazefit.film.noise import spectra_noise
+from glazefit.mapping.layout import Status
+from glazefit.mapping.working import WorkingBands, classify
+from tests.mapping import small
+
+FINE = np.linspace(380.0, 760.0, 191)
+
+
+def test_bands_are_means_of_what_the_paints_cover():
+    bands = WorkingBands.of(FINE, small.paints())
+    assert (bands.wavelengths >= 400).all()
+    assert (bands.wavelengths <= 700).all()
+    assert bands.count.sum() == np.sum((FINE >= 400) & (FINE <= 700))
+    assert np.median(np.diff(bands.wavelengths)) == pytest.approx(10.0, abs=0.1)
+    # A mean of what is linear is what it is at the mean wavelength.
+    np.testing.assert_allclose(bands.means((0.001 * FINE)[None])[0], 0.001 * bands.wavelengths, rtol=1e-6)
+
+
+def test_coarse_bands_stay_as_they_are():
+    grid = np.arange(400.0, 701.0, 20.0)
+    bands = WorkingBands.of(grid, small.paints())
+    np.testing.assert_array_equal(bands.wavelengths, grid)
+    spectra = np.random.default_rng(0).random((3, grid.size))
+    np.testing.assert_allclose(bands.means(spectra), spectra, rtol=1e-6)
+
+
+def test_paints_that_do_not_cover_the_image_are_named():
+    with pytest.raises(ValueError, match="from 400 to 700 nm, and 0 bands of the image lie there"):
+        WorkingBands.of(np.linspace(900.0, 1700.0, 100), small.paints())
+
+
+def test_noise_of_means_is_what_it_is():
+    rng, bands = np.random.default_rng(1), WorkingBands.of(FINE, small.paints())
+    flat = 0.4 + 0.004 * rng.standard_normal((4000, FINE.size))
+    told = spectra_noise(FINE, flat)
+    assert float(told.sd(np.asarray(0.4))) == pytest.approx(0.004, rel=0.1)
+    seen = bands.means(flat).std(axis=0)
+    # What averaging does not take away is added.
+    rest = np.sqrt(bands.noise_sd(np.full(bands.count.shape, 0.4), told) ** 2 - Noise().sd(np.asarray(0.4)) ** 2)
+    np.testing.assert_allclose(seen, rest, rtol=0.15)
+
+
+def test_pixels_that_say_nothing_are_marked():
+    bands = WorkingBands.of(FINE, small.paints())
+    good = 0.3 + 0.1 * np.sin(FINE / 50.0)
+    pixels = np.tile(good, (9, 1))
+    pixels[1, 60] = np.nan
+    pixels[2, 60] = np.inf
+    pixels[3] = 0.25
+    pixels[4] = 1e-5 * np.arange(FINE.size) / FINE.size
+    pixels[5, 60:70] = -0.5
+    pixels[6] *= 5.0
+    pixels[7, 60] = 0.99
+    readings = bands.means(pixels, saturated=0.98)
+    use = np.ones(9, bool)
+    use[8] = False
+    status = classify(readings, bands.noise_sd(readings, Noise()), use)
+    wanted = [Status.MAPPED, Status.NO_DATA, Status.SATURATED, Status.NO_DATA, Status.DARK, Status.NEGATIVE]
+    wanted += [Status.SATURATED, Status.SATURATED, Status.MASKED]
+    assert status.tolist() == wanted
+    # Without a detector's end five times too bright is only that.
+    assert classify(bands.means(pixels[6:7]), np.full((1, bands.count.size), 1e-3)).tolist() == [Status.TOO_BRIGHT]
+    # Noise about zero is no negative reading.
+    assert classify(readings[:1] - readings[:1].min() - 0.005, np.full((1, bands.count.size), 1e-3))[0] == Status.MAPPED
