@@ -32,6 +32,7 @@ def pool(
         members,
         np.zeros((1, count, 3), int),
         np.zeros((1, count, 3)),
+        np.zeros((1, count, 3)),
         np.zeros((1, count, 3, 3)),
         np.array([log_weight], float),
         readings,

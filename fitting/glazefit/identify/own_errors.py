@@ -114,6 +114,7 @@ def refined(task: IdentificationTask, pool: Pool, some: Measured) -> Pool:
     out.log_weight[at] = films.log_weight
     out.covariance[(*at, slice(size), slice(size))] = films.covariance
     out.logs[(*at, slice(size))] = np.where(films.sets == NOBODY, -np.inf, near.logs)
+    out.weighed[(*at, slice(size))] = np.where(films.sets == NOBODY, -np.inf, films.logs)
     out.readings[at] = near.readings
     out.allowed[at] = allowed(task, some, near.row, near.readings, groups)
     return out

@@ -99,7 +99,8 @@ class Pool:
 
     members: Int[np.ndarray, "spectra candidates 3"]
     coats: Int[np.ndarray, "spectra candidates 3"]
-    logs: Float[np.ndarray, "spectra candidates 3"]  # log amounts
+    logs: Float[np.ndarray, "spectra candidates 3"]  # log amounts, as they are shown
+    weighed: Float[np.ndarray, "spectra candidates 3"]  # and as they are weighed
     covariance: Float[np.ndarray, "spectra candidates 3 3"]
     log_weight: Float[np.ndarray, "spectra candidates"]  # log evidence and log prior of the set
     readings: Float[np.ndarray, "spectra candidates readings"]

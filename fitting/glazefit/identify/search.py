@@ -188,7 +188,8 @@ def _with_surface(task: IdentificationTask, pool: Pool, some: Measured) -> Pool:
     seen = pool.readings + gloss[..., None] * task.surface
     seen = seen + np.swapaxes(found[:, 1:], 1, 2) @ lever.shapes[:, 1:]
     allowed = pool.allowed + d.gloss * task.surface
-    return replace(pool, readings=seen, allowed=allowed, gloss=gloss, logs=pool.logs + np.log(task.prior.thickness))
+    lengths = {name: getattr(pool, name) + np.log(task.prior.thickness) for name in ("logs", "weighed")}
+    return replace(pool, readings=seen, allowed=allowed, gloss=gloss, **lengths)
 
 
 def _fit(task: IdentificationTask, start: SetStarts, ranking: _Ranking) -> Fitted:
@@ -212,7 +213,7 @@ def _pool(
     return Pool(
         np.pad(sets, room, constant_values=NOBODY),
         np.pad(where, room),
-        np.pad(np.asarray(fitted.logs, float), room, constant_values=-np.inf),
+        *[np.pad(np.asarray(fitted.logs, float), room, constant_values=-np.inf)] * 2,
         np.pad(np.asarray(fitted.covariance, float), (*room, (0, 3 - size))),
         task.discrepancy.trust * np.asarray(fitted.log_evidence, float) + task.log_sets(sets) + log_share,
         np.asarray(fitted.readings, float),

@@ -39,6 +39,7 @@ from .colour_metric import colour_metric
 # Candidates of a representative that are kept: those with this share of the best explanations, and so many at most.
 _LEAST, _MOST = 3e-4, 16
 _BLOCK = 256
+_STEP = 1e-3
 _terms = jax.jit(jax.vmap(prior_terms, in_axes=(0, 0, None, None)))
 
 
@@ -51,6 +52,7 @@ class Local:
         members, coats, condition: as in `glazefit.Identification`.
         opaque: whether the film hides its ground as it was sought.
         log_weight: at the representative.
+        weight_by: its slopes by the readings, as far as a varnish bends the scale on which they are compared.
         amounts: log amounts that are shown, m; -inf for no paint.
         amounts_by: their slopes by the readings.
         covariance: of the log amounts.
@@ -73,6 +75,7 @@ class Local:
     condition: Int[np.ndarray, "n"]
     opaque: np.ndarray
     log_weight: Float[np.ndarray, "n"]
+    weight_by: Float[np.ndarray, "n bands"]
     amounts: Float[np.ndarray, "n 3"]
     amounts_by: Float[np.ndarray, "n 3 bands"]
     covariance: Float[np.ndarray, "n 3 3"]
@@ -193,10 +196,12 @@ def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
     size = max(searcher.task.max_paints, 2)
     for number in np.unique(condition):
         seen = as_if(int(number), searcher.tasks, searcher.opaque, measured)
+        bent = _bent(seen, as_if(int(number), searcher.tasks, searcher.opaque, _brighter(measured)))
         for stack in (False, True):
             here = np.flatnonzero((condition == number) & (stacked == stack))
             if here.size:
-                for name, values in _linear(seen, pool, row[here], place[here], size, stack).items():
+                found = _linear(seen, pool, row[here], place[here], size, stack) | {"weight_by": bent[row[here]]}
+                for name, values in found.items():
                     room = np.zeros((len(row), *values.shape[1:]), values.dtype)
                     parts.setdefault(name, room)[here] = values
     at = row, place
@@ -222,6 +227,18 @@ def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
     return Searched(*(_single(a) for a in (measured.readings[:, 0], off.blur, rest, rest_paints)), candidates)
 
 
+def _brighter(measured: Measured) -> Measured:
+    return replace(measured, readings=measured.readings + _STEP)
+
+
+def _bent(seen: AsIf, brighter: AsIf) -> Float[np.ndarray, "spectra bands"]:
+    """Slopes of what changes of variables add to a log density; see `glazefit.identify.untold`."""
+    with np.errstate(invalid="ignore", divide="ignore"):
+        slope = (np.log(brighter.slope) - np.log(seen.slope))[:, 0] / _STEP
+    # Readings darker than the varnish itself have no film below.
+    return independent(seen.task) * np.where(np.isfinite(slope), slope, 0.0) / slope.shape[-1]
+
+
 def _single(values: np.ndarray) -> np.ndarray:
     return values.astype(np.float32) if values.dtype.kind == "f" else values
 
@@ -239,24 +256,28 @@ def _linear(
     """How candidates under one condition move with the readings that were measured."""
     task, some = seen.task, seen.measured
     sets = pool.members[row, place][:, :size]
-    logs = np.where(sets == NOBODY, 0.0, pool.logs[row, place][:, :size] - np.log(task.prior.thickness))
+    logs, weighed_logs = (
+        np.where(sets == NOBODY, 0.0, part[row, place][:, :size] - np.log(task.prior.thickness))
+        for part in (pool.logs, pool.weighed)
+    )
     readings = pool.readings[row, place]
     known = pool.covariance[row, place][:, :size, :size], pool.log_weight[row, place]
-    films = Films(row, place, sets, logs, *known, readings)
-    near = _stack_slopes(task, some, pool, films) if stack else slopes_at(task, some, films)
+    films = Films(row, place, sets, weighed_logs, *known, readings)
     if stack:
-        errors = own_errors(task, some, row, sets, near)
-        groups = Groups(np.arange(len(row)), row, sets, near)
-        own, weighed_films = near, films
+        near = own = _stack_slopes(task, some, pool, films)
+        errors = own_errors(task, some, row, sets, own)
+        groups = Groups(np.arange(len(row)), row, sets, own)
+        weighed_films = films
     else:
-        weighed_films, groups, errors = weighed(task, some, films, near, task.effort.own)
+        weighed_films, groups, errors = weighed(task, some, films, slopes_at(task, some, films), task.effort.own)
         own = slopes_at(task, some, weighed_films)
+        near = slopes_at(task, some, replace(films, logs=logs))
     white = errors.basis[groups.of, 0]
     by = (own[:, :size] + own[:, size:]) * (sets != NOBODY)[..., None]
     gradient, prior = _prior_of(task, sets, weighed_films.logs)
     levers = np.einsum("nib,nmb->nmi", white, by)  # whitened slopes
     data = levers @ np.swapaxes(levers, 1, 2)
-    gain = np.linalg.solve(data + prior, levers @ white)
+    gain = np.linalg.solve(data + _held(gradient, prior), levers @ white)
     moved = np.einsum("nmi,nmb->nib", levers, gain)
     target = task.target(some.readings)[row]
     # The readings of a stack's fit that was shown have the surface with them; nothing else was fitted.
@@ -268,7 +289,7 @@ def _linear(
     else:
         close = near_errors(task, some).basis[row, 0]
         by_near = (near[:, :size] + near[:, size:]) * (sets != NOBODY)[..., None]
-        _, held = _prior_of(task, sets, logs)
+        held = _held(*_prior_of(task, sets, logs))
         steep = np.einsum("nib,nmb->nmi", close, by_near)
         shown = np.linalg.solve(steep @ np.swapaxes(steep, 1, 2) + held, steep @ close)
         by = by_near
@@ -306,6 +327,18 @@ def _prior_of(
         return _terms(*given, task.prior.spread, task.prior.concentration)
 
     return by_blocks(len(sets), _BLOCK, run)
+
+
+def _held(
+    gradient: Float[np.ndarray, "n size"], hessian: Float[np.ndarray, "n size size"]
+) -> Float[np.ndarray, "n size size"]:
+    """What holds log amounts beside the slopes of the readings: the prior, and the readings' curvature.
+
+    Readings are linear in the amount of a paint of which there is little, so that their second derivative by its
+    logarithm is their first; at the best fit that and the residual make up for the prior's gradient. Without it a trace
+    would move as far as any noise pushes it.
+    """
+    return hessian + np.maximum(-gradient, 0.0)[..., None] * np.eye(gradient.shape[-1])
 
 
 def _wide(values: np.ndarray, *axes: int) -> np.ndarray:

@@ -13,8 +13,8 @@ from ..film.response import film_response
 
 # k/s between which a hiding film's is sought.
 _LEAST, _MOST = 1e-5, 1e3
-# Optical thickness s d that hides any ground.
-_HIDING = 500.0
+# Optical thicknesses s d and k d of which one is enough to hide any ground.
+_HIDING, _BLACK = 500.0, 200.0
 # Relative standard deviations: of s, which a hiding film does not tell, and of k beside it.
 _OPEN, _TOLD = 0.5, 0.05
 
@@ -53,7 +53,8 @@ def spot_pigment(
         )
     response = film_response(instrument.geometry, instrument.refractive_index)
     ratios = np.geomspace(_LEAST, _MOST, 400)
-    films = np.asarray(response.body(jnp.asarray(ratios * _HIDING), jnp.full(400, _HIDING), jnp.asarray(0.5)))
+    thick = np.minimum(_HIDING, _BLACK / ratios)
+    films = np.asarray(response.body(jnp.asarray(ratios * thick), jnp.asarray(thick), jnp.asarray(0.5)))
     # Brighter films have less k/s.
     ratio = np.exp(np.interp(body, films[::-1], np.log(ratios)[::-1]))
     scattering = float(np.median([np.median(np.asarray(p.scattering)) for p in pigments])) if pigments else 1e5

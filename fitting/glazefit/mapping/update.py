@@ -101,7 +101,8 @@ class Updater:
         moved = readings - self.reading
         every = moved @ self.by
         off, logs, seen, left = (part.reshape(len(moved), count, -1) for part in np.split(every, self.ends, axis=1))
-        weight = local.log_weight + gained(local, local.off + off, np.clip(logs, -_FAR, _FAR))
+        met = gained(local, local.off + off, np.clip(logs, -_FAR, _FAR))
+        weight = local.log_weight + moved @ local.weight_by.T + met
         distance = np.linalg.norm(local.seen + seen, axis=-1), np.linalg.norm(local.left + left, axis=-1)
         shape = np.broadcast_to(local.shape, weight.shape)
         far = Off(*distance, shape, np.full(len(moved), self.blur))
@@ -136,10 +137,10 @@ class Updater:
 
 def _order(local: Local) -> list[Smaller]:
     """Which candidates have others of one paint less beside them."""
-    nothing = np.zeros((1, len(local.row), 0))
+    nothing, logs = np.zeros((1, len(local.row), 0)), local.amounts[None]
     pool = Pool(
-        local.members[None], local.coats[None], local.amounts[None], local.covariance[None], local.log_weight[None],
-        nothing, nothing, local.log_weight[None], local.condition[None],
+        local.members[None], local.coats[None], logs, logs, local.covariance[None], local.log_weight[None], nothing,
+        nothing, local.log_weight[None], local.condition[None],
     )  # fmt: skip
     return smaller_sets(pool, 0, np.ones(len(local.row), bool))
 

@@ -1,0 +1,234 @@
+"""Maps of a small image, from the image to the store, beside searches of its pixels."""
+
+import numpy as np
+import pytest
+import xarray
+
+import glazefit
+from glazefit import Noise
+from glazefit.identify.weigh import weigh
+from glazefit.mapping.layout import BY_NAME, Status, Way
+from glazefit.mapping.local import as_measured
+from glazefit.mapping.map_cube import Progress, map_cube
+from glazefit.mapping.spots import spot_pigment
+from glazefit.mapping.store import MapStore
+from glazefit.mapping.task import map_task
+from glazefit.mapping.windows import Window
+from glazejax import Glaze, Hemispherical, Layer, Pigment, reflectance
+from glazejax.geometry import resolve_instrument
+from tests.mapping import small
+
+NOISE = Noise(0.003, 0.0003)
+
+
+@pytest.fixture(scope="module")
+def cube():
+    scene = small.scene()
+    spectra = scene.rows(0, 24)
+    spectra[0, :3] = np.nan
+    slope = np.linspace(1.0, 1.01, spectra.shape[-1])
+    spectra[1, 0] = 0.0005 * slope
+    spectra[1, 1] = -0.3 * slope
+    spectra[1, 2] = 3.0 * slope
+    return small.image(spectra, scene.wavelengths)
+
+
+@pytest.fixture(scope="module")
+def options(cube):
+    mask = np.ones(cube.shape[:2], bool)
+    mask[-1] = False
+    return {"grounds": small.scene().ground, "mask": mask, "max_paints": 2, "noise": NOISE}
+
+
+@pytest.fixture(scope="module")
+def made(cube, options, tmp_path_factory):
+    said: list[Progress] = []
+    out = tmp_path_factory.mktemp("map") / "map.zarr"
+    return map_cube(cube, small.paints(), out=out, told=said.append, **options), said, out
+
+
+def test_every_pixel_is_answered_or_marked(made, cube):
+    found, said, out = made
+    status = found["status"].values
+    assert (status[0, :3] == Status.NO_DATA).all()
+    assert status[1, :3].tolist() == [Status.DARK, Status.NEGATIVE, Status.TOO_BRIGHT]
+    assert (status[-1] == Status.MASKED).all()
+    mapped = status == Status.MAPPED
+    assert mapped.sum() == 23 * 40 - 6
+    for name in BY_NAME:
+        assert name in found
+    assert np.isfinite(found["probability"].values[mapped]).all()
+    assert np.isnan(found["probability"].values[~mapped]).all()
+    total = found["probability"] + found["none"]
+    assert (total.values[mapped] <= 1 + 1e-5).all()
+    # A set's paints are at least as probable as the set.
+    members = found["members"].values
+    each = np.take_along_axis(found["paint_probability"].values, np.maximum(members, 0).astype(int), axis=-1)
+    there = (members >= 0) & mapped[..., None]
+    assert (each >= found["probability"].values[..., None] - 1e-4)[there].all()
+    sums = np.where(there, found["fraction"].values, 0.0).sum(axis=-1)
+    np.testing.assert_allclose(sums[mapped], 1.0, atol=1e-5)
+    assert [step.stage for step in said if step.done == step.total][-1] == "mapping"
+    tallies, sets = MapStore.open(out).sums()
+    assert tallies["mapped"] == mapped.sum() == sum(one.pixels for one in sets.values())
+    assert tallies["no data"] == 3
+
+
+def test_colours_are_those_of_the_spectra(made, cube):
+    from glazejax.colour import srgb
+
+    found = made[0]
+    wanted = np.asarray(srgb(np.asarray(cube["wavelength"]), cube.values[4:8, 4:8].astype(float)))
+    assert np.abs(found["true_colour"].values[4:8, 4:8] / 255.0 - wanted).max() < 0.02
+
+
+def test_pixels_are_answered_as_a_search_answers_them(made, cube, options):
+    found = made[0]
+    task = map_task(cube, small.paints(), **options)
+    y, x = np.nonzero(found["status"].values == Status.MAPPED)
+    some = np.random.default_rng(0).choice(len(y), 128, replace=False)
+    y, x = y[some], x[some]
+    readings = np.concatenate([task.image.read(Window(b, b + 1, a, a + 1))[0] for b, a in zip(y, x, strict=True)])
+    measured = as_measured(task.searcher, readings, task.image.noise_sd(readings), task.ground)
+    whole = next(weigh(*one, task.searcher.paints, False, 3) for one in task.searcher.search(measured))
+    members = found["members"].values[y, x]
+    same = (np.sort(members, axis=1) == np.sort(whole.members[:, 0], axis=1)).all(axis=1)
+    assert same.mean() >= 0.9
+    apart = np.abs(found["paint_probability"].values[y, x] - whole.paint_probability).max(axis=1)
+    assert np.median(apart) < 0.05
+    explained = found["explained"].values[y, x].astype(bool)
+    assert (explained == whole.explained).mean() >= 0.95
+    thickness = np.log(found["thickness"].values[y, x] / whole.amounts[:, 0].sum(axis=1))
+    assert np.median(np.abs(thickness[same & np.isfinite(thickness)])) < 0.01
+    fitted = found["rmse"].values[y, x]
+    assert np.median(np.abs(fitted / whole.rmse[:, 0] - 1.0)[same]) < 0.02
+
+
+def test_the_map_says_how_far_it_agrees(made):
+    agreement = made[0].attrs["agreement"]
+    assert agreement["pixels"] == 256
+    assert agreement["first"] > 0.9
+    assert agreement["probability"] < 0.05
+
+
+def test_a_second_run_does_nothing_again(made, cube, options, monkeypatch):
+    found, _, out = made
+    before = {name: found[name].values for name in found.data_vars}
+
+    def never(*_):
+        raise AssertionError("a finished window was solved again")
+
+    monkeypatch.setattr("glazefit.mapping.solver.PixelSolver.solve", never)
+    monkeypatch.setattr("glazefit.mapping.map_cube.searched", never)
+    monkeypatch.setattr("glazefit.mapping.map_cube.compare", never)
+    again = map_cube(cube, small.paints(), out=out, **options)
+    for name, values in before.items():
+        np.testing.assert_array_equal(again[name].values, values)
+    with pytest.raises(ValueError, match=r"other options \(max_paints: 2 there, 3 now\)"):
+        map_cube(cube, small.paints(), out=out, **{**options, "max_paints": 3})
+
+
+def test_an_interrupted_run_ends_as_an_undisturbed_one(made, cube, options, tmp_path):
+    class Stopped(Exception):
+        pass
+
+    def stop_at(stage, done):
+        def told(step):
+            if step.stage == stage and step.done >= done:
+                raise Stopped
+
+        return told
+
+    for stage, done in (("searching", 1), ("checking", 0), ("mapping", 0)):
+        with pytest.raises(Stopped):
+            map_cube(cube, small.paints(), out=tmp_path / "map", told=stop_at(stage, done), **options)
+    found = map_cube(cube, small.paints(), out=tmp_path / "map", **options)
+    for name in made[0].data_vars:
+        np.testing.assert_array_equal(found[name].values, made[0][name].values)
+
+
+def test_spectra_far_from_all_others_are_searched(cube, options, tmp_path, monkeypatch):
+    """A stroke that no sampled line has."""
+    monkeypatch.setattr("glazefit.mapping.map_cube._LINES", 4)
+    spectra = np.repeat(np.repeat(cube.values[5:6, 5:6], 24, axis=0), 40, axis=1)
+    spectra = spectra + 0.001 * np.random.default_rng(1).standard_normal(spectra.shape).astype("f4")
+    spectra[10, 20:30] = cube.values[15, 30]
+    grid = np.asarray(cube["wavelength"])
+    found = map_cube(
+        small.image(spectra, grid), small.paints(), out=tmp_path / "map", **{**options, "mask": None, "max_paints": 1}
+    )
+    way = found["way"].values
+    assert (way[10, 20:30] == Way.SEARCHED).any()
+    assert np.isin(way[10, 20:30], (Way.SEARCHED, Way.NEIGHBOUR)).all()
+    assert (np.delete(way, 10, axis=0) == Way.UPDATED).mean() > 0.98
+
+
+def test_films_that_hide_their_ground_have_no_thickness(cube, tmp_path):
+    grid = np.asarray(cube["wavelength"])
+    found = map_cube(
+        small.image(cube.values[4:10, 4:12], grid), small.paints(), grounds=None, out=tmp_path / "map", max_paints=1,
+        noise=NOISE,
+    )  # fmt: skip
+    told = found["condition"].values == 0
+    assert told.any()
+    assert np.isnan(found["thickness"].values[told]).all()
+
+
+def test_a_spot_is_a_paint_whose_hiding_film_reads_the_spot():
+    seen_by = resolve_instrument(None, None)
+    grid = np.linspace(400.0, 700.0, 31)
+    spectrum = 0.1 + 0.5 / (1 + np.exp(-(grid - 560) / 20))
+    paint = spot_pigment("Stroke", grid, spectrum, small.paints(), seen_by)
+    np.testing.assert_allclose(_hiding(paint), spectrum, atol=2e-3)
+    assert paint.absorption_sd is not None
+    with pytest.raises(ValueError, match=r"reads 1\.5"):
+        spot_pigment("Glare", grid, np.full(31, 1.5), small.paints(), seen_by)
+    with pytest.raises(ValueError, match="has 5 readings"):
+        spot_pigment("Short", grid, np.full(5, 0.5), small.paints(), seen_by)
+
+
+def _hiding(paint: Pigment) -> np.ndarray:
+    return np.asarray(reflectance(Glaze([Layer(paint, 0.01)], 0.0, 1.5), Hemispherical()))
+
+
+def test_a_spot_of_the_image_is_found_in_it(cube, options, tmp_path):
+    grid = np.asarray(cube["wavelength"])
+    spectrum = cube.values[15, 30].astype(float)
+    found = map_cube(
+        small.image(cube.values[14:16, 28:32], grid), small.paints()[:3], out=tmp_path / "map",
+        spots={"Stroke": spectrum}, grounds=None, max_paints=1, noise=NOISE,
+    )  # fmt: skip
+    assert found["paint"].values.tolist()[-1] == "Stroke"
+    assert found["paint_probability"].values[1, 2, 3] > 0.2
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"grounds": 1.5}, "internal reflectance is 1.5"),
+        ({"grounds": np.full(7, 0.5)}, "neither a number nor one for each of 61 bands"),
+        ({"mask": np.ones((3, 3), bool)}, "mask has 3 x 3 pixels, the image 24 x 40"),
+        ({"max_paints": 4}, "max_paints is 4"),
+        ({"mask": np.zeros((24, 40), bool)}, "no pixel that can be mapped"),
+        ({"memory": 2**20}, "memory bound is 1 MiB; with .* it must be at least"),
+    ],
+)
+def test_what_does_not_fit_is_said(cube, options, tmp_path, change, words):
+    with pytest.raises(ValueError, match=words):
+        map_cube(cube, small.paints(), out=tmp_path / "map", **{**options, **change})
+
+
+def test_an_image_that_is_none_is_said(options, tmp_path):
+    turned = xarray.DataArray(np.zeros((3, 4, 5)), dims=("x", "y", "band"))
+    with pytest.raises(ValueError, match="dimensions y, x, wavelength"):
+        map_cube(turned, small.paints(), out=tmp_path / "map", **{**options, "mask": None})
+    metres = small.image(np.zeros((3, 4, 5)), np.linspace(0.4, 0.7, 5))
+    with pytest.raises(ValueError, match="in nm"):
+        map_cube(metres, small.paints(), out=tmp_path / "map", **{**options, "mask": None})
+    nothing = small.image(np.full((6, 8, 31), np.nan), np.linspace(400.0, 700.0, 31))
+    with pytest.raises(ValueError, match=r"no pixel that can be mapped .* 48 no data"):
+        map_cube(nothing, small.paints(), out=tmp_path / "map", grounds=0.5)
+
+
+def test_what_is_public_is_there():
+    assert glazefit.map_cube is map_cube
