@@ -137,7 +137,7 @@ def _child(where: Path, workers: int) -> None:
             import distributed
 
             cluster = stack.enter_context(
-                distributed.LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None)
+                distributed.LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=":0")
             )
             client = stack.enter_context(distributed.Client(cluster, set_as_default=False))
         start = time.perf_counter()
@@ -173,7 +173,7 @@ def _truth(results: Results, where: Path, side: int, bands: int, pixels: int) ->
     scene, other = painting((side, side), bands, _SEED), painting((480, 640), bands, _OTHER)
     found = open_map(where / "map.zarr")
     _, truth, places = sampled(scene, pixels)
-    arrays = {name: _picked(found[name].values, places) for name in found.data_vars}
+    arrays = {str(name): found[name].values[places[:, 0], places[:, 1]] for name in found.data_vars}
     from glazefit.film.films import Noise
     from glazefit.mapping.agreement import agreement
     from glazefit.mapping.task import map_task
@@ -206,10 +206,6 @@ def _readings(image, places: np.ndarray) -> np.ndarray:
     from glazefit.mapping.windows import Window
 
     return np.concatenate([image.read(Window(y, y + 1, x, x + 1))[0] for y, x in places.tolist()])
-
-
-def _picked(values: np.ndarray, places: np.ndarray) -> np.ndarray:
-    return values[places[:, 0], places[:, 1]] if values.ndim > 1 and values.shape[0] > places[:, 0].max() else values
 
 
 def _dask(results: Results, where: Path) -> None:

@@ -21,7 +21,7 @@ from tests.mapping import small
 @dataclasses.dataclass
 class Problem:
     searcher: Searcher
-    ground: np.ndarray
+    ground: np.ndarray | None
     readings: np.ndarray
     sd: np.ndarray
     known: Searched
@@ -51,8 +51,8 @@ def problem(request):
 
 
 def probabilities(problem, readings):
-    parts = [weigh(*one, problem.searcher.paints, problem.searcher.opaque, 3) for one in problem.search(readings)]
-    return parts[0]
+    measured, pool, odds = problem.search(readings)[0]
+    return weigh(measured, pool, odds, problem.searcher.paints, problem.searcher.opaque, 3)
 
 
 def test_at_a_representative_it_is_the_search(problem):

@@ -39,7 +39,13 @@ class Toy:
             del arrays["misfit"]
         tallies = {"mapped": float(window.pixels), "third": random.random()}
         sets = {
-            members: SetSum(int(random.integers(1, 9)), *map(random.random, (BANDS,) * 3), (random.random(), 2))
+            members: SetSum(
+                int(random.integers(1, 9)),
+                random.random(BANDS),
+                random.random(BANDS),
+                random.random(BANDS),
+                (random.random(), 2),
+            )
             for members in [(), (0,), (0, 2), (1, 2, 3)][: int(random.integers(0, 5))]
         }
         return ChunkMaps(arrays, tallies, sets)

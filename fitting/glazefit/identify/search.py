@@ -210,10 +210,12 @@ def _pool(
     size = sets.shape[-1]
     room = ((0, 0), (0, 0), (0, 3 - size))
     where = np.zeros_like(sets) if coats is None else coats
+    logs = np.pad(np.asarray(fitted.logs, float), room, constant_values=-np.inf)
     return Pool(
         np.pad(sets, room, constant_values=NOBODY),
         np.pad(where, room),
-        *[np.pad(np.asarray(fitted.logs, float), room, constant_values=-np.inf)] * 2,
+        logs,
+        logs,
         np.pad(np.asarray(fitted.covariance, float), (*room, (0, 3 - size))),
         task.discrepancy.trust * np.asarray(fitted.log_evidence, float) + task.log_sets(sets) + log_share,
         np.asarray(fitted.readings, float),

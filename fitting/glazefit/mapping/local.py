@@ -128,8 +128,8 @@ class Searched:
         """Further representatives, in order."""
         first = np.cumsum([0, *(len(part.blur) for part in parts)])
         local = [replace(part.local, row=part.local.row + n) for part, n in zip(parts, first, strict=False)]
-        columns = ([getattr(part, f.name) for part in parts] for f in fields(cls)[:-1])
-        return cls(*(np.concatenate(column) for column in columns), Local.joined(local))
+        columns = {f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)[:-1]}
+        return cls(**columns, local=Local.joined(local))
 
     def arrays(self) -> dict[str, np.ndarray]:
         """All arrays by name, to be kept in a file."""
@@ -224,7 +224,8 @@ def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
         "fitted": pool.readings[at],
     }
     candidates = Local(*(_single(local[f.name]) for f in fields(Local)))
-    return Searched(*(_single(a) for a in (measured.readings[:, 0], off.blur, rest, rest_paints)), candidates)
+    readings, blur = _single(measured.readings[:, 0]), _single(off.blur)
+    return Searched(readings, blur, _single(rest), _single(rest_paints), candidates)
 
 
 def _brighter(measured: Measured) -> Measured:
