@@ -163,6 +163,18 @@ def test_spectra_far_from_all_others_are_searched(cube, options, tmp_path, monke
     assert (np.delete(way, 10, axis=0) == Way.UPDATED).mean() > 0.98
 
 
+def test_a_window_that_the_mask_leaves_out_is_empty(cube, options, tmp_path, monkeypatch):
+    monkeypatch.setattr("glazefit.mapping.map_cube.chunk_shape", lambda *_, **__: (12, 20))
+    mask = np.zeros((24, 40), bool)
+    mask[:12, :20] = True
+    mask[14, 30] = True
+    found = map_cube(cube, small.paints()[:2], out=tmp_path / "map", **{**options, "mask": mask, "max_paints": 1})
+    status = found["status"].values
+    assert (status[:12, 20:] == Status.MASKED).all()
+    assert (status == Status.MAPPED).sum() == 240 - 6 + 1
+    assert found.attrs["tallies"]["mapped"] == 235
+
+
 def test_films_that_hide_their_ground_have_no_thickness(cube, tmp_path):
     grid = np.asarray(cube["wavelength"])
     found = map_cube(

@@ -39,12 +39,14 @@ class Atlas:
 
     def answers(self, readings: Float[np.ndarray, "spectra bands"]) -> tuple[Answers, Float[np.ndarray, "spectra"]]:
         """What is said of spectra, and how far each is from its representative."""
+        paints = self.known.rest_paints.shape[1]
+        found = Answers.empty(len(readings), paints, readings.shape[1])
         which, apart = nearest(self.features(readings), self.centres)
+        if not len(readings):
+            return found, apart
         order = np.argsort(which, kind="stable")
         used, first = np.unique(which[order], return_index=True)
         groups = list(zip(used.tolist(), np.split(order, first[1:]), strict=True))
-        paints = self.known.rest_paints.shape[1]
-        found = Answers.empty(len(readings), paints, readings.shape[1])
         ends = np.searchsorted(self.known.local.row, np.arange(len(self.centres) + 1))
 
         def some(pairs: list[tuple[int, np.ndarray]]) -> None:

@@ -40,8 +40,12 @@ if TYPE_CHECKING:
 
 # Pixels that are sampled, in so many lines.
 _SAMPLE, _LINES = 60_000, 96
+# What the process takes beside representatives and windows: Python, JAX, its programs, a search; bytes.
+_BASE = 900 * 2**20
 # Representatives at least and at most, pixels for each between, and the distance that they are to keep to all.
 _REPRESENTATIVES, _PIXELS_EACH, _REACH = (256, 4000), 40, 1.5
+# Candidates of a representative, about.
+_CANDIDATES = 12
 # Spectra farther than so many times the sample's farthest are searched themselves.
 _SLACK = 1.15
 # Representatives that are searched as one piece of work.
@@ -123,10 +127,12 @@ def map_cube(
     )  # fmt: skip
     tell(Progress("reading", 0, 1, task.notes))
     bands, paints = task.image.bands, task.searcher.paints
+    most, base = _most_representatives(task, memory)
+    count = bands.wavelengths.size
     store = MapStore.create(
         out,
         task.shape,
-        chunk_shape(task.shape, bands.wavelengths.size, _bytes(len(paints), bands.wavelengths.size), memory),
+        chunk_shape(task.shape, count, _bytes(len(paints), count), memory, base=base),
         paints,
         options=task.options,
         attrs={
@@ -140,7 +146,7 @@ def map_cube(
     )
     client = client or client_in_scope()
     with store.writing():
-        surveyed = _surveyed(store, task, tell)
+        surveyed = _surveyed(store, task, most, tell)
         task = task.with_noise(surveyed.noise)
         atlas = _atlas(store, task, surveyed, client, tell)
         if "checked" not in store.work.done():
@@ -172,7 +178,7 @@ class _Surveyed(NamedTuple):
     checked: Float[np.ndarray, "pixels bands"]  # to see what the closed form costs
 
 
-def _surveyed(store: MapStore, task: MapTask, tell: Told) -> _Surveyed:
+def _surveyed(store: MapStore, task: MapTask, most: int, tell: Told) -> _Surveyed:
     """The survey of the image: made, or what a run before has kept."""
     work = store.work
     if "survey" not in work.done():
@@ -185,7 +191,6 @@ def _surveyed(store: MapStore, task: MapTask, tell: Told) -> _Surveyed:
             counts = {STATUS_WORDS[Status(s)]: int(np.sum(status == s)) for s in np.unique(status)}
             words = ", ".join(f"{count} {word}" for word, count in counts.items()) or "the mask leaves none"
             raise ValueError(f"the image has no pixel that can be mapped (of a sample: {words})")
-        most = int(np.clip(task.shape[0] * task.shape[1] // _PIXELS_EACH, *_REPRESENTATIVES))
         found = survey(good, most, _REACH)
         checked = good[np.linspace(0, len(good) - 1, min(_CHECKED, len(good))).astype(int)]
         kept = {
@@ -255,6 +260,16 @@ class _Pieces:
         some = self.readings[first : first + _PIECE]
         task = self.task
         return searched(task.searcher, some, task.image.noise_sd(some), task.ground).arrays()
+
+
+def _most_representatives(task: MapTask, memory: int) -> tuple[int, int]:
+    """Representatives at most within a bound of the memory, and what the process takes before the first window."""
+    bands = task.image.bands.wavelengths.size
+    each = 4 * _CANDIDATES * (2 * bands**2 + 24 * bands)
+    wanted = int(np.clip(task.shape[0] * task.shape[1] // _PIXELS_EACH, *_REPRESENTATIVES))
+    # A third of what is left; the windows take the rest.
+    most = int(np.clip((memory - _BASE) // 3 // each, _REPRESENTATIVES[0], wanted))
+    return most, _BASE + most * each
 
 
 def _bytes(paints: int, bands: int) -> float:

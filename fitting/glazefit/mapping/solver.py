@@ -173,6 +173,8 @@ class PixelSolver:
 
 def _sums(found: Answers, seen: Float[np.ndarray, "spectra bands"]) -> dict[tuple[int, ...], SetSum]:
     """Sums over the pixels of each first set; those that nothing explains are the empty set."""
+    if not len(seen):
+        return {}
     members = np.sort(np.where(found.explained[:, None], found.members, NOBODY), axis=1)
     sets, which = np.unique(members, axis=0, return_inverse=True)
     which = which.ravel()
