@@ -99,6 +99,14 @@ class Session:
         """A stack of a link or a file: as it is understood, or why not."""
         self.tell({"type": "checked", "number": header.get("number"), "stack": stack_to_dict(_stack(header))})
 
+    def _on_lamp(self, header: dict[str, Any], arrays: Any, rest: bytes) -> None:
+        """A lamp of one's own: whether it will do, for what the oils cover."""
+        lamp = _lamp(header.get("lamp"))
+        if isinstance(lamp, str):
+            raise ValueError("the lamp is a name; one's own has wavelengths and power")
+        colour.lamp_weights(next(iter(all_paints().values())).wavelengths, *lamp[1:])
+        self.tell({"type": "lamp", "lamp": header["lamp"]})
+
     def _on_lines(self, header: dict[str, Any], arrays: Any, rest: bytes) -> None:
         """The stack as Python."""
         self.tell({"type": "lines", "text": python_lines.of(_stack(header))})
