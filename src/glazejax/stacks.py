@@ -27,7 +27,7 @@ from . import catalogue
 from .geometry import Geometry, parse_geometry
 from .io.outputs import check_output
 from .io.source import opened
-from .paint.describe import Coat, find_name, make_media
+from .paint.describe import Coat, find_name, make_media, name_paints
 from .paint.media import MAX_THICKNESS, Glaze, Layer, Mixture, Pigment
 from .spectra import describe_grid, resample, same_grid, validate_wavelengths
 
@@ -108,8 +108,10 @@ class Stack:
         """
         shelf = paints(self)
         grid = common_grid(self, shelf)
-        media = make_media([_on(coat, shelf, grid) for coat in self.shown], _Resampled(shelf, grid))
-        return media
+        coats = name_paints(self.shown, shelf)
+        used = {name: shelf[name] for coat in coats for _, name in coat.parts}
+        same = {name: p if same_grid(p.wavelengths, grid) else p.resample(grid) for name, p in used.items()}
+        return make_media(coats, same)
 
     def glaze(self, side: str = "white") -> Glaze:
         """The stack for `glazejax.reflectance`.
@@ -128,27 +130,6 @@ class Stack:
             ground = np.asarray(resample(ground.wavelengths, ground.reflectance, grid))
         layers = [Layer(medium, coat.total) for medium, coat in zip(media, self.shown, strict=True)]
         return Glaze(layers, ground, self.refractive_index)
-
-
-class _Resampled(Mapping[str, Pigment]):
-    """A shelf whose paints are all on one grid."""
-
-    def __init__(self, shelf: Mapping[str, Pigment], grid: Float[np.ndarray, "bands"]):
-        self._shelf, self._grid = shelf, grid
-
-    def __getitem__(self, name: str) -> Pigment:
-        paint = self._shelf[name]
-        return paint if same_grid(paint.wavelengths, self._grid) else paint.resample(self._grid)
-
-    def __iter__(self):
-        return iter(self._shelf)
-
-    def __len__(self) -> int:
-        return len(self._shelf)
-
-
-def _on(coat: Coat, shelf: Mapping[str, Pigment], grid: Float[np.ndarray, "bands"]) -> Coat:
-    return coat._replace(parts=tuple((weight, find_name(name, shelf)) for weight, name in coat.parts))
 
 
 @lru_cache(maxsize=1)
@@ -254,7 +235,7 @@ def _coat(number: int, given: Any, shelf: Mapping[str, Pigment]) -> Coat:
     thickest = MAX_THICKNESS * 1e6
     if (um := _real(given["um"])) is None or not 0 <= um <= thickest:
         raise ValueError(f"{where} is {given['um']} micrometres thick; it must be between 0 and {thickest:g}")
-    return Coat(_parts(where, given["paint"], shelf), um * 1e-6, 1)
+    return Coat(_parts(where, given["paint"], shelf), um / 1e6, 1)
 
 
 def _parts(where: str, given: Any, shelf: Mapping[str, Pigment]) -> tuple[tuple[float, str], ...]:
@@ -267,7 +248,8 @@ def _parts(where: str, given: Any, shelf: Mapping[str, Pigment]) -> tuple[tuple[
         try:
             weights[find_name(name, shelf)] = weight
         except ValueError as error:
-            raise ValueError(f"{where}: {error}") from None
+            words = str(error).replace("--list shows", "`glazejax render --list` shows")
+            raise ValueError(f"{where}: {words}") from None
     total = sum(weights.values())
     if total <= 0:
         raise ValueError(f"{where}: all parts are 0; give one of its paints some weight")

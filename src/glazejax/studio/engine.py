@@ -231,7 +231,7 @@ def _angles(main: Geometry, view: View, rows: int) -> tuple[Float[np.ndarray, "r
 
 def deviation(
     media: Sequence[Pigment | Mixture], slopes: Float[np.ndarray, "2 coats bands"]
-) -> tuple[Float[np.ndarray, "bands or nothing"], str]:
+) -> tuple[Float[np.ndarray, "known"], str]:
     """Standard deviation of a spectrum by what is not known of its paints, to first order in log k and log s.
 
     Args:

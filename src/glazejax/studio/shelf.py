@@ -1,5 +1,6 @@
 """Paints on the shelf: what they look like, thick and as a thin glaze over white, and what is not known of them."""
 
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -27,13 +28,18 @@ def entry(name: str, paint: Pigment) -> dict[str, Any]:
     known = paint.identifiable
     return {
         "name": name,
-        "label": own if slash and group in catalogue.names() else name,
+        "label": _spaced(own if slash and group in catalogue.names() else name),
         "group": _group(name, paint),
         "provenance": paint.provenance or "no provenance is stated",
         "bands": describe_grid(paint.wavelengths),
         "unknown": "" if known is None or known.all() else describe_bands(paint.wavelengths, ~known),
         "sure": paint.error_modes is not None or paint.absorption_sd is not None,
     }
+
+
+def _spaced(name: str) -> str:
+    """A catalogue's name as people write it: ``Chrome Yellow``."""
+    return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", name)
 
 
 def _group(name: str, paint: Pigment) -> str:

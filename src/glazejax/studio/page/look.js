@@ -53,6 +53,7 @@ export function lookPanel(store) {
   } }, "Pin this colour");
   const lamps = el("div.lamps", { role: "group", "aria-label": "The same under several lamps" });
   const ladder = el("div.ladder", { role: "img" });
+  const ladderTitle = el("h3", {}, "Ladder of coats");
   const plot = spectrumPlot();
   const marks = el("ul.doubts");
   const angle = { swatch: el("canvas.small", { role: "img", "aria-label": "The paint at another angle", "data-at": "angle" }) };
@@ -72,7 +73,7 @@ export function lookPanel(store) {
     el("div.lamps-head", {}, el("h3", {}, "Lamps"), el("button.quiet", { type: "button", "data-at": "own-lamp", title: "Two columns: nm and relative power", onclick: () => lampFile.click() }, "Own lamp")), lamps,
     el("div.pair", {},
       el("div", {}, el("h3", {}, "Another angle"), el("div.tilt", {}, angle.swatch, el("div", {}, angle.light, angle.view))),
-      el("div", {}, el("h3", {}, "Ladder of coats"), ladder)),
+      el("div", {}, ladderTitle, ladder)),
     el("h3", {}, "Spectrum"), plot.node, marks);
 
   const lampFile = el("input", { type: "file", accept: ".csv,.txt,.tsv", hidden: true, "data-at": "lamp-file", onchange: () => { if (lampFile.files[0]) ownLamp(lampFile.files[0]); lampFile.value = ""; } });
@@ -146,6 +147,7 @@ export function lookPanel(store) {
 
     const coat = store.coat();
     ladder.setAttribute("aria-label", coat ? `1 to ${store.steps.at(-1)} coats of ${store.label(coat)}` : "No coat");
+    ladderTitle.textContent = coat ? `Ladder of coats: ${store.label(coat)}` : "Ladder of coats";
     ladder.replaceChildren(...store.steps.map((count, i) => {
       const step = el("span", { title: `${count} ${count === 1 ? "coat" : "coats"}` }, el("small", {}, `${count}×`));
       step.style.setProperty("--paint", colourAt(seen, 0, ROW.ladder + i).css);

@@ -1,7 +1,7 @@
 // The spectrum: one line with its 90 % band, and thin ones over white and black. No colour but the paint's own.
 import { el, svg } from "./dom.js";
 
-const [W, H, LEFT, BOTTOM, TOP, RIGHT] = [640, 250, 40, 28, 8, 10];
+const [W, H, LEFT, BOTTOM, TOP, RIGHT] = [700, 220, 34, 26, 8, 6];
 const NINETY = 1.6448536269514722;
 
 export function spectrumPlot() {
