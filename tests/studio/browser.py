@@ -85,13 +85,9 @@ class Page:
         raise AssertionError(f"{what} did not come in {seconds:.0f} s; the page says {self.said()!r}")
 
     def settle(self) -> None:
-        """Wait until nothing has been seen anew for a moment."""
-        last, since = None, time.monotonic()
-        while time.monotonic() - since < 0.6:
-            now = self.js("return document.querySelector('#studio').dataset.seen")
-            if now != last:
-                last, since = now, time.monotonic()
-            time.sleep(0.05)
+        """Wait until every change has been answered."""
+        time.sleep(0.05)
+        self.until(lambda: self.js("return document.querySelector('#studio').dataset.busy") != "yes", "the answer")
 
     def said(self) -> str:
         return self.at("line").text

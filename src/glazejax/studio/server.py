@@ -40,6 +40,8 @@ class Studio:
         self._socket = socket.socket()
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         self._socket.bind((HOST, port))
+        # From here on a browser waits for its answer instead of being refused.
+        self._socket.listen(128)
         self.port: int = self._socket.getsockname()[1]
         self.engine, self.jobs = Engine(), Jobs(tasks)
         self._hosts = {f"{HOST}:{self.port}", f"localhost:{self.port}"}

@@ -91,14 +91,13 @@ export function coatsPanel(store) {
   }
 
   function chip(coat) {
-    const node = el("span.chip", { "aria-hidden": "true" });
-    const names = Object.keys(coat.paint);
-    names.forEach((name) => {
-      const piece = el("span");
+    return fill(el("span.chip", { "aria-hidden": "true" }, ...Object.keys(coat.paint).map(() => el("span"))), coat);
+  }
+  function fill(node, coat) {
+    Object.keys(coat.paint).forEach((name, i) => {
       const thick = store.swatches.get(name)?.[0];
-      if (thick) piece.style.background = hex(thick);
-      piece.style.flexGrow = Math.max(coat.paint[name], 0.001);
-      node.append(piece);
+      if (thick) node.children[i].style.background = hex(thick);
+      node.children[i].style.flexGrow = Math.max(coat.paint[name], 0.001);
     });
     return node;
   }
@@ -170,7 +169,7 @@ export function coatsPanel(store) {
   // While a slider is dragged only numbers follow: the list is not built anew under the hand.
   function show() {
     const { coats } = store.stack;
-    const shape = JSON.stringify([coats.map((coat) => [coat.id, Object.keys(coat.paint), !!coat.hidden]), store.entries.size, store.swatches.size]);
+    const shape = JSON.stringify([coats.map((coat) => [coat.id, Object.keys(coat.paint), !!coat.hidden]), store.entries.size]);
     if (shape !== drawn) {
       drawn = shape;
       list.replaceChildren(...coats.map(row));
@@ -179,6 +178,7 @@ export function coatsPanel(store) {
     }
     coats.forEach((coat) => {
       const node = list.querySelector(`[data-coat="${coat.id}"]`);
+      fill(node.querySelector(".chip"), coat);
       const [slider, number] = [node.querySelector(".size input[type=range]"), node.querySelector(".um")];
       if (document.activeElement !== slider || Math.abs(Number(slider.value) - toSlider(coat.um)) > 0.01) slider.value = toSlider(coat.um);
       if (Number(number.value) !== coat.um) number.value = coat.um;

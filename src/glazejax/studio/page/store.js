@@ -160,6 +160,7 @@ export class Store {
     const number = ++this.number;
     this.asked = performance.now();
     if (this.link.send({ type: "see", number, stack: this.plain(), view: this.viewNow() })) this.waiting = number;
+    this.tell("busy", true);
   }
   answered(number) {
     if (number !== this.waiting) return;
@@ -167,7 +168,7 @@ export class Store {
     if (this.again) {
       this.again = false;
       this.look();
-    }
+    } else this.tell("busy", false);
   }
   lost() {
     this.waiting = null;

@@ -46,12 +46,15 @@ export function mount(root, wire, { begin = null, remember = null } = {}) {
     line,
     el("main.room", {}, el("div.view", {}, ...Object.values(panels)), coatsPanel(store), shelfPanel(store)));
 
+  store.on("busy", (busy) => { root.dataset.busy = busy ? "yes" : ""; });
+
   // Sentences -----------------------------------------------------------------------------------------------------------
   let quiet = null;
   store.on("say", (words, kind) => {
     clearTimeout(quiet);
     line.textContent = words;
     line.dataset.kind = kind;
+    line.dataset.about = "";
     if (kind === "note") quiet = setTimeout(() => { line.textContent = ""; }, 6000);
   });
   const spoken = (words) => words.charAt(0).toUpperCase() + words.slice(1) + (/[.!?]$/.test(words) ? "" : ".");
@@ -98,7 +101,8 @@ export function mount(root, wire, { begin = null, remember = null } = {}) {
       store.seen = { ...header, ...arrays };
       for (const key of Object.keys(arrays)) store.seen[key].shape = arrays[key].shape;
       state.textContent = "ready";
-      if (line.dataset.about === "see" || line.dataset.kind === "status") { line.textContent = ""; line.dataset.about = ""; }
+      // What was wrong with the last question is over with this answer.
+      if (line.dataset.about === "see") store.say("");
       store.tell("seen");
       root.dataset.seen = header.number;
       root.dataset.took = (performance.now() - store.asked).toFixed(1);
@@ -122,7 +126,6 @@ export function mount(root, wire, { begin = null, remember = null } = {}) {
     job: (header) => store.tell("job", header),
     stack: (header) => { if (JSON.stringify(header.stack) !== JSON.stringify(store.plain())) store.take(header.stack); },
     status(header) {
-      line.dataset.kind = "status";
       state.textContent = header.words;
     },
     error(header) {
