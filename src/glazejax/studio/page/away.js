@@ -2,7 +2,7 @@
 import { el, hex, save } from "./dom.js";
 import { ROW, colourAt } from "./look.js";
 
-export function link(store) {
+export function stackLink(store) {
   return `#${encodeURIComponent(JSON.stringify(store.plain()))}`;
 }
 
@@ -59,7 +59,7 @@ export function awayPanel(store) {
   }
   let later = null;
   function show() {
-    address.value = location.href.split("#")[0] + link(store);
+    address.value = location.href.split("#")[0] + stackLink(store);
     clearTimeout(later);
     if (!panel.hidden) later = setTimeout(() => store.link.send({ type: "lines", stack: store.plain() }), 150);
   }

@@ -1,5 +1,5 @@
 // The studio: one store, its panels, and what the server says.
-import { awayPanel, link as stackLink } from "./away.js";
+import { awayPanel, stackLink } from "./away.js";
 import { backwardsPanel } from "./backwards.js";
 import { coatsPanel } from "./coats.js";
 import { el } from "./dom.js";
