@@ -161,7 +161,9 @@ def test_mixtures_repeats_and_the_ladder(run, tmp_path, pigments_csv):
 def test_a_stack_is_written_and_drawn(run, tmp_path):
     """The studio's file: what one run wrote the next one draws, own paints included."""
     options = ("--ground", "0.5", "--geometry", "d:8", "--refractive-index", "1.4")
-    status, _, _ = run("--layers", "Red:3um x2, 0.7*ZincWhite+0.3*DeepBlue:1um", *options, "--write-stack", "stack.json")
+    status, _, _ = run(
+        "--layers", "Red:3um x2, 0.7*ZincWhite+0.3*DeepBlue:1um", *options, "--write-stack", "stack.json"
+    )
     assert status == 2  # on other wavelengths than the catalogue's: no mixture of the two
     status, first, _ = run("--layers", "Red:3um x2, DeepBlue:1um", *options, "--write-stack", "stack.json")
     assert status == 0

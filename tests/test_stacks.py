@@ -35,7 +35,8 @@ def test_the_glaze_is_that_of_the_shown_coats():
 
 
 @pytest.mark.parametrize(
-    ("ground", "level"), [("white", WHITE), ("black", BLACK), ("card", WHITE), (0.25, 0.25), ({"paint": {"Eosin": 1}}, 0.5)]
+    ("ground", "level"),
+    [("white", WHITE), ("black", BLACK), ("card", WHITE), (0.25, 0.25), ({"paint": {"Eosin": 1}}, 0.5)],
 )
 def test_grounds(ground, level):
     stack = stack_from_dict({**GIVEN, "ground": ground})

@@ -46,7 +46,13 @@ def start_browser(downloads: Path) -> Any:
         pytest.skip("no Chromium with chromedriver here (Debian: apt-get install chromium chromium-driver)")
     options = webdriver.ChromeOptions()
     options.binary_location = chromium
-    for word in ("--headless=new", "--no-sandbox", "--disable-dev-shm-usage", "--disable-gpu", "--window-size=1440,900"):
+    for word in (
+        "--headless=new",
+        "--no-sandbox",
+        "--disable-dev-shm-usage",
+        "--disable-gpu",
+        "--window-size=1440,900",
+    ):
         options.add_argument(word)
     options.add_argument("--force-color-profile=srgb")
     options.add_experimental_option("prefs", {"download.default_directory": str(downloads)})

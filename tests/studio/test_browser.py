@@ -95,7 +95,9 @@ def test_coats_are_reordered_by_hand_and_by_keys(page):
     from selenium.webdriver import ActionChains, Keys
 
     handles = page.all("[data-at=handle]")
-    ActionChains(page.browser).click_and_hold(handles[1]).move_by_offset(0, -60).move_by_offset(0, -60).release().perform()
+    ActionChains(page.browser).click_and_hold(handles[1]).move_by_offset(0, -60).move_by_offset(
+        0, -60
+    ).release().perform()
     page.settle()
     turned = page.stack()
     assert [list(coat["paint"]) for coat in turned["coats"]] == [["ChromeYellow"], ["CobaltBlue"]]
@@ -126,7 +128,9 @@ def test_undo_and_redo(page):
 def test_lamps_are_switched(page):
     for i, lamp in enumerate(("D65", "A", "FL11", "LED-B3")):
         assert np.abs(page.pixel(f"under-{i}", 0.25, 0.5) - expected(TWO, "white", lamp)).max() <= 1
-    page.js("const s = document.querySelector('[data-at=lamp-0]'); s.value = 'FL2'; s.dispatchEvent(new Event('change'))")
+    page.js(
+        "const s = document.querySelector('[data-at=lamp-0]'); s.value = 'FL2'; s.dispatchEvent(new Event('change'))"
+    )
     page.settle()
     assert np.abs(page.pixel("swatch", 0.25, 0.5) - expected(TWO, "white", "FL2")).max() <= 1
 
@@ -233,7 +237,11 @@ def test_own_paints_are_dropped_and_used(page, tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "content", "words"),
-    [("poem.csv", "roses are red\n", "Poem.csv"), ("empty.csv", " ", "Empty.csv is empty"), ("stack.json", '{"glazejax": 1}', "This is no stack")],
+    [
+        ("poem.csv", "roses are red\n", "Poem.csv"),
+        ("empty.csv", " ", "Empty.csv is empty"),
+        ("stack.json", '{"glazejax": 1}', "This is no stack"),
+    ],
 )
 def test_files_that_are_none_are_one_sentence(page, tmp_path, name, content, words):
     path = tmp_path / name
@@ -321,7 +329,7 @@ def test_what_is_taken_away_is_what_is_seen(page, downloads):
     page.until((downloads / "stack.json").exists, "the stack")
     assert gj.read_stack(downloads / "stack.json").shown == found.shown
     text = page.until(lambda: page.at("python").get_attribute("value"), "the lines")
-    assert "gj.Layer(oils[\"CobaltBlue\"], 1e-06)" in text
+    assert 'gj.Layer(oils["CobaltBlue"], 1e-06)' in text
     page.at("png").click()
     page.until((downloads / "glaze.png").exists, "the picture")
 

@@ -96,7 +96,10 @@ def test_sockets_of_others_are_refused(served, token, origin):
     studio = served.studio
     link = f"ws://127.0.0.1:{studio.port}/{token or studio.token}/socket"
     own = f"http://127.0.0.1:{studio.port}"
-    with pytest.raises((InvalidStatus, ConnectionClosed)), connect(link, origin=own if origin == "own" else origin) as s:
+    with (
+        pytest.raises((InvalidStatus, ConnectionClosed)),
+        connect(link, origin=own if origin == "own" else origin) as s,
+    ):
         s.recv(timeout=10)
 
 
@@ -181,7 +184,9 @@ def test_options_of_the_command(monkeypatch, tmp_path):
     app, called = typer.Typer(), []
     command.register(app)
     monkeypatch.setattr("glazejax.commands.main.start_jax", lambda: None)
-    monkeypatch.setattr(command, "serve", lambda port, fragment, open_browser: called.append((port, fragment, open_browser)))
+    monkeypatch.setattr(
+        command, "serve", lambda port, fragment, open_browser: called.append((port, fragment, open_browser))
+    )
     run = CliRunner()
     assert run.invoke(app, []).exit_code == 0
     assert run.invoke(app, ["--no-open", "--port", "8123"]).exit_code == 0

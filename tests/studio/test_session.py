@@ -62,7 +62,12 @@ def test_spectra_and_colours_are_those_of_the_library(ask):
     stack = stack_from_dict(STACK)
     grid = stack.glaze().wavelengths
     for row, (side, geometry) in enumerate(
-        [("white", stack.seen_by), ("white", stack.seen_by), ("black", stack.seen_by), ("white", gj.Bidirectional(30, 50))]
+        [
+            ("white", stack.seen_by),
+            ("white", stack.seen_by),
+            ("black", stack.seen_by),
+            ("white", gj.Bidirectional(30, 50)),
+        ]
     ):
         expected = np.asarray(gj.reflectance(stack.glaze(side), geometry))
         np.testing.assert_allclose(found["spectra"][row], expected, atol=3e-5)
@@ -148,7 +153,9 @@ def test_a_dropped_file_of_spectra(ask):
     content = b"Name," + b",".join(b"%d" % w for w in range(400, 701, 10)) + b"\ngrey" + b",0.2" * 31 + b"\n"
     [(header, found)] = ask({"type": "file", "name": "one.csv"}, rest=content)
     assert (header["kind"], header["names"]) == ("spectra", ["grey"])
-    np.testing.assert_allclose(found["rgb"][0], 255 * np.asarray(colour.srgb(found["wavelengths"].astype(float), np.full(31, 0.2))), atol=0.5)
+    np.testing.assert_allclose(
+        found["rgb"][0], 255 * np.asarray(colour.srgb(found["wavelengths"].astype(float), np.full(31, 0.2))), atol=0.5
+    )
     [(header, _)] = ask({"type": "file", "name": "poem.csv"}, rest=b"roses are red\nviolets are blue\n")
     assert header["type"] == "error"
     assert header["words"].startswith("poem.csv")

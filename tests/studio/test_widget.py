@@ -55,7 +55,9 @@ def test_a_question_is_answered_and_what_is_seen_is_kept(told):
     stack = stack_from_dict(STACK)
     expected = np.asarray(gj.reflectance(stack.glaze(), stack.seen_by))
     np.testing.assert_allclose(found.seen["reflectance"], expected, atol=3e-5)
-    np.testing.assert_allclose(found.seen["rgb"], 255 * np.asarray(colour.srgb(found.seen["wavelengths"], expected)), atol=1)
+    np.testing.assert_allclose(
+        found.seen["rgb"], 255 * np.asarray(colour.srgb(found.seen["wavelengths"], expected)), atol=1
+    )
     found._session.take("nonsense", [])
 
 

@@ -150,7 +150,9 @@ def recovery(asked: Asked, report: Report) -> dict[str, Any]:
 
     films = _films(_table(asked))
     if len(films) > _MOST_FILMS:
-        raise ValueError(f"{len(films)} films take long; the studio recovers {_MOST_FILMS} at once, `recover` any number")
+        raise ValueError(
+            f"{len(films)} films take long; the studio recovers {_MOST_FILMS} at once, `recover` any number"
+        )
     report(f"recovering {len(films)} films")
     found = recover_films(films)
     origin = (

@@ -48,7 +48,9 @@ def render(
     ] = None,
     write_stack: Annotated[
         Path | None,
-        typer.Option("--write-stack", metavar="FILE", help="Also write the stack as JSON, for the studio.", show_default=False),
+        typer.Option(
+            "--write-stack", metavar="FILE", help="Also write the stack as JSON, for the studio.", show_default=False
+        ),
     ] = None,
     ground: Annotated[str | None, options.ground_option(_GROUND)] = None,
     refractive_index: options.RefractiveIndex = _INDEX,
@@ -234,7 +236,9 @@ def _write_stack(
         ground = Spectrum(bed.media[0].wavelengths, ground)
     named = {name: shelf[name] for coat in coats for _, name in coat.parts}
     # One of another catalogue, or one's own: the same name in the studio would be another paint.
-    own = {name: paint for name, paint in named.items() if name not in known or known[name].provenance != paint.provenance}
+    own = {
+        name: paint for name, paint in named.items() if name not in known or known[name].provenance != paint.provenance
+    }
     write_stack(path, Stack(tuple(coats), (), ground, index, geometry, own), overwrite=overwrite)
 
 

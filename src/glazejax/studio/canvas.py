@@ -164,5 +164,3 @@ def _read(
 
 def _filled(xyz: Float[np.ndarray, "pixels 3"]) -> Float[np.ndarray, "more 3"]:
     return np.pad(xyz, ((0, _piece(len(xyz)) - len(xyz)), (0, 0)))
-
-

@@ -8,7 +8,7 @@ filled up with coats of no thickness, which are absent exactly, to 1, 3 or 8.
 import threading
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import jax.numpy as jnp
 import numpy as np
@@ -25,6 +25,10 @@ from ..stacks import BLACK, WHITE, Spectrum, Stack, all_paints, common_grid, pai
 
 SIZES = (1, 3, 8)
 """Numbers of coats that programs are compiled for."""
+WARM = (3, 1, 8)
+"""The same, in the order in which they are wanted: the shelf is of three too."""
+Key: TypeAlias = tuple[int, int, bool]
+"""What a program is compiled for: coats, bands, and whether an integrating sphere looks."""
 LADDER = (1, 2, 3, 5, 8, 13, 21, 34)
 """Coats of the ladder's steps."""
 TOLERANCE = 1e-5
@@ -68,10 +72,10 @@ class Engine:
     """Computes what stacks look like, and knows which shapes are compiled already."""
 
     def __init__(self) -> None:
-        self._ready: set[tuple[int, int, bool]] = set()
+        self._ready: set[Key] = set()
         self._kept: dict[Any, tuple[Float[np.ndarray, "bands"], list[Pigment | Mixture]]] = {}
         # One for each shape: a page that asks for what is compiled does not wait for what is not.
-        self._locks: defaultdict[tuple[int, int, bool], threading.Lock] = defaultdict(threading.Lock)
+        self._locks: defaultdict[Key, threading.Lock] = defaultdict(threading.Lock)
 
     def size(self, stack: Stack) -> int:
         """Coats that the stack is filled up to.
@@ -89,9 +93,8 @@ class Engine:
         key = self._key(stack, self._media(stack)[0].size)
         return "" if key in self._ready else f"compiling for up to {key[0]} coats, once"
 
-    def _key(self, stack: Stack, bands: int) -> tuple[int, int, bool]:
-        most = next((n for n in _BANDS if n >= bands), bands)
-        return self.size(stack), most, isinstance(stack.seen_by, Hemispherical)
+    def _key(self, stack: Stack, bands: int) -> Key:
+        return self.size(stack), filled(bands), isinstance(stack.seen_by, Hemispherical)
 
     def see(self, stack: Stack, view: View) -> Seen:
         """Spectra and colours of a stack.
@@ -111,9 +114,7 @@ class Engine:
         thickness = np.array([coat.total for coat in stack.shown])
         grounds = _grounds(stack, grid)
         key = self._key(stack, grid.size)
-        with self._locks[key]:
-            spectra = _spectra(k, s, thickness, grounds, stack, view, key)
-            self._ready.add(key)
+        spectra = self.solve(key, *_rows(k, s, thickness, grounds, view, key), stack, view)[:, : grid.size]
         seen, ladder = spectra[:_STEPS], spectra[_STEPS:_FIXED]
         slopes = (spectra[_FIXED:].reshape(2, key[0], -1)[:, : len(media)] - seen[_ON_GROUND]) / _STEP
         sd, why = deviation(media, slopes)
@@ -132,15 +133,41 @@ class Engine:
             self._kept[key] = common_grid(stack, paints(stack)), stack.media()
         return self._kept[key]
 
-    def warm(self, sizes: Sequence[int] = SIZES) -> None:
+    def solve(
+        self,
+        key: Key,
+        both: Float[np.ndarray, "2 rows bands coats"],
+        depth: Float[np.ndarray, "rows coats"],
+        ground: Float[np.ndarray, "rows bands"],
+        stack: Stack,
+        view: View,
+    ) -> Float[np.ndarray, "rows bands"]:
+        """Spectra of a batch as `rows_of` has it; who comes while its program is compiled waits for it."""
+        light, seen = _angles(stack.seen_by, view, len(depth))
+        with self._locks[key]:
+            spectra = spectra_of(both, depth, ground, stack, light, seen)
+            self._ready.add(key)
+        return spectra
+
+    def warm(self, sizes: Sequence[int] = WARM) -> None:
         """Compile for these numbers of coats, so that the first drag is quick."""
         paint = next(iter(all_paints().values()))
         for size in sizes:
             self.see(Stack(tuple(Coat(((1.0, paint.name),), 1e-6, 1) for _ in range(size))), View())
 
-    def ready(self, size: int) -> bool:
-        """Whether this number of coats is compiled, for spectra of the oils at two angles."""
-        return (size, _BANDS[0], False) in self._ready
+    def ready(self, key: Key) -> bool:
+        """Whether a program is compiled."""
+        return key in self._ready
+
+
+def filled(bands: int) -> int:
+    """Bands that spectra of so many are filled up to."""
+    return next((n for n in _BANDS if n >= bands), bands)
+
+
+def rows_of(size: int) -> int:
+    """Rows of the batch for so many coats."""
+    return _FIXED + 2 * size
 
 
 def _coefficients(media: Sequence[Pigment | Mixture], what: str, bands: int) -> Float[np.ndarray, "coats bands"]:
@@ -155,18 +182,17 @@ def _grounds(stack: Stack, grid: Float[np.ndarray, "bands"]) -> Float[np.ndarray
     return np.stack([np.broadcast_to(np.asarray(one, float), grid.shape) for one in (level, WHITE, BLACK)])
 
 
-def _spectra(
+def _rows(
     k: Float[np.ndarray, "coats bands"],
     s: Float[np.ndarray, "coats bands"],
     thickness: Float[np.ndarray, "coats"],
     grounds: Float[np.ndarray, "3 bands"],
-    stack: Stack,
     view: View,
-    key: tuple[int, int, bool],
-) -> Float[np.ndarray, "rows bands"]:
-    """All rows of the batch; see the module."""
+    key: Key,
+) -> tuple[Float[np.ndarray, "2 rows most size"], Float[np.ndarray, "rows size"], Float[np.ndarray, "rows most"]]:
+    """All rows of the batch, see the module: k and s, thicknesses, and grounds."""
     (size, most, _), (coats, bands) = key, k.shape
-    rows = _FIXED + 2 * size
+    rows = rows_of(size)
     depth = np.zeros((rows, size))
     depth[:, :coats] = thickness
     depth[_BARE:_STEPS] = 0.0
@@ -183,8 +209,7 @@ def _spectra(
     for i in range(size):
         both[0, _FIXED + i, :, i] *= 1 + _STEP
         both[1, _FIXED + size + i, :, i] *= 1 + _STEP
-    light, seen = _angles(stack.seen_by, view, rows)
-    return spectra_of(both, depth, ground[:, columns], stack, light, seen)[:, :bands]
+    return both, depth, ground[:, columns]
 
 
 def spectra_of(

@@ -13,7 +13,7 @@ from importlib.resources import files
 from typing import Any
 
 from ..extras import require
-from .engine import SIZES, Engine
+from .engine import Engine
 from .jobs import Jobs
 from .session import Session
 from .wire import MOST_BYTES, pack
@@ -76,8 +76,7 @@ class Studio:
     def _warm(self) -> None:
         """Compile what a page will ask first."""
         try:
-            for size in SIZES:
-                self.engine.warm((size,))
+            self.engine.warm()
         except ValueError:  # A page that asks the same is told.
             pass
 

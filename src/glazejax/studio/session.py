@@ -6,6 +6,7 @@ one sentence, `{"type": "error", "about": ..., "words": ...}`.
 """
 
 import threading
+import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -81,19 +82,25 @@ class Session:
         self._swatches(dict(all_paints()))
 
     def _swatches(self, paints: Mapping[str, Any]) -> None:
-        if not self.engine.ready(1):
-            self.tell({"type": "status", "words": "compiling for 1 coat (kept for the next start)"})
-        thick, thin = shelf.swatches(paints)
-        self.tell({"type": "shelf", "names": list(paints)}, {"thick": thick, "thin": thin})
+        """What paints look like, those of one grid after the other."""
+        for group in shelf.by_grid(paints):
+            try:
+                thick, thin = shelf.swatches(self.engine, list(group.values()))
+            except ValueError as error:  # Bands that give no colour.
+                self.tell({"type": "error", "about": "shelf", "words": f"{', '.join(group)}: {error}"})
+                continue
+            self.tell({"type": "shelf", "names": list(group)}, {"thick": thick, "thin": thin})
 
     def _on_see(self, header: dict[str, Any], arrays: Any, rest: bytes) -> None:
         """Spectra and colours of a stack."""
+        began = time.perf_counter()
         stack, view = stack_from_dict(header.get("stack")), _view(header.get("view", {}))
         if words := self.engine.compiles(stack):
             self.tell({"type": "status", "words": words})
         seen = self.engine.see(stack, view)
         marks = shelf.doubts(stack)
-        self.tell({"type": "seen", "number": header.get("number"), "doubts": marks, **seen.words}, seen.arrays)
+        told = {"type": "seen", "number": header.get("number"), "doubts": marks, **seen.words}
+        self.tell(told | {"ms": 1e3 * (time.perf_counter() - began)}, seen.arrays)
 
     def _on_check(self, header: dict[str, Any], arrays: Any, rest: bytes) -> None:
         """A stack of a link or a file: as it is understood, or why not."""
@@ -141,12 +148,12 @@ class Session:
 
     def _on_canvas(self, header: dict[str, Any], arrays: Any, rest: bytes) -> None:
         """Pixels of thickness maps."""
-        stack = _stack(header)
+        began, stack = time.perf_counter(), _stack(header)
         lamp = _view(header.get("view", {})).lamps[0]
         told = self._easel.paint(stack, header.get("coats", []), arrays, lamp, lambda words: self.tell(
             {"type": "status", "words": words}))  # fmt: skip
-        self.tell({"type": "painted", "number": header.get("number"), "box": header.get("box"), **told.words},
-                  {"rgba": told.pixels})  # fmt: skip
+        words = {"type": "painted", "number": header.get("number"), "box": header.get("box"), **told.words}
+        self.tell(words | {"ms": 1e3 * (time.perf_counter() - began)}, {"rgba": told.pixels})
 
     def _on_start(self, header: dict[str, Any], arrays: Any, rest: bytes) -> None:
         """A search: recipes for a colour, what is in a film, paints from films."""

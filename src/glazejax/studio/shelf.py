@@ -1,25 +1,23 @@
 """Paints on the shelf: what they look like, thick and as a thin glaze over white, and what is not known of them."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from jaxtyping import Float
 
 from .. import catalogue, colour
-from ..geometry import Bidirectional
 from ..paint.describe import describe_bands
-from ..paint.media import MAX_THICKNESS, Glaze, Layer, Pigment
-from ..reflectance import reflectance
+from ..paint.media import MAX_THICKNESS, Pigment
 from ..spectra import describe_grid, same_grid
 from ..stacks import WHITE, Stack, paints
-from .engine import TOLERANCE
+from .engine import Engine, View, filled, rows_of
 
 THIN = 5e-6
 """Thickness of the thin glaze, m."""
-# Paints to a batch: two rows each make one shape.
-_BATCH = 16
+# Coats of the program that draws the shelf.
+_SIZE = 3
 
 
 def entry(name: str, paint: Pigment) -> dict[str, Any]:
@@ -61,29 +59,41 @@ def doubts(stack: Stack) -> list[str]:
     return found
 
 
-def swatches(some: Mapping[str, Pigment]) -> tuple[Float[np.ndarray, "paints 3"], Float[np.ndarray, "paints 3"]]:
-    """8-bit sRGB under D65 of each paint: thick, and a thin glaze over white, at 45:0."""
-    found = np.zeros((2, len(some), 3))
-    listed = list(some.values())
-    grids = [paint.wavelengths for paint in listed]
-    done: set[int] = set()
-    for i, grid in enumerate(grids):
-        if i in done:
-            continue
-        same = [j for j in range(i, len(listed)) if j not in done and same_grid(grid, grids[j])]
-        done.update(same)
-        weights = colour.colour_weights(grid)
-        for at in range(0, len(same), _BATCH):
-            chosen = same[at : at + _BATCH]
-            spectra = _batch([listed[j] for j in chosen], grid)
-            xyz = spectra @ weights
-            found[:, chosen] = np.round(255 * np.asarray(colour.xyz_to_srgb(xyz, weights.sum(axis=0)), float))
+def swatches(
+    engine: Engine, some: Sequence[Pigment]
+) -> tuple[Float[np.ndarray, "paints 3"], Float[np.ndarray, "paints 3"]]:
+    """8-bit sRGB under D65 of paints on one grid: thick, and a thin glaze over white, at 45:0.
+
+    The program is that of stacks of three coats, so that nothing more is compiled.
+    """
+    grid = some[0].wavelengths
+    weights, key = colour.colour_weights(grid), (_SIZE, filled(grid.size), False)
+    rows, columns = rows_of(_SIZE), np.minimum(np.arange(key[1]), grid.size - 1)
+    most, found = rows // 2, np.zeros((2, len(some), 3))
+    for at in range(0, len(some), most):
+        chosen = some[at : at + most]
+        both, depth = np.zeros((2, rows, key[1], _SIZE)), np.zeros((rows, _SIZE))
+        for i, paint in enumerate(chosen):
+            k_and_s = np.stack([np.asarray(paint.absorption, float), np.asarray(paint.scattering, float)])[:, columns]
+            both[:, [i, most + i], :, 0] = k_and_s[:, None]
+            depth[[i, most + i], 0] = MAX_THICKNESS, THIN
+        ground = np.full((rows, key[1]), WHITE)
+        spectra = engine.solve(key, both, depth, ground, Stack(()), View(light=45.0, view=0.0))[:, : grid.size]
+        for half in (0, 1):
+            xyz = spectra[half * most : half * most + len(chosen)] @ weights
+            rgb = 255 * np.asarray(colour.xyz_to_srgb(xyz, weights.sum(axis=0)), float)
+            found[half, at : at + most] = np.round(rgb)
     return found[0], found[1]
 
 
-def _batch(some: list[Pigment], grid: Float[np.ndarray, "bands"]) -> Float[np.ndarray, "2 paints bands"]:
-    filled = some + some[:1] * (_BATCH - len(some))
-    k, s = (np.array([np.asarray(getattr(p, what), float) for p in filled]) for what in ("absorption", "scattering"))
-    depth = np.stack([np.full(_BATCH, MAX_THICKNESS), np.full(_BATCH, THIN)])
-    glaze = Glaze([Layer(Pigment("shelf", grid, k, s), depth)], WHITE)
-    return np.asarray(reflectance(glaze, Bidirectional(45.0, 0.0), tolerance=TOLERANCE), float)[:, : len(some)]
+def by_grid(some: Mapping[str, Pigment]) -> list[dict[str, Pigment]]:
+    """Paints that share their wavelengths, together."""
+    groups: list[dict[str, Pigment]] = []
+    for name, paint in some.items():
+        for group in groups:
+            if same_grid(next(iter(group.values())).wavelengths, paint.wavelengths):
+                group[name] = paint
+                break
+        else:
+            groups.append({name: paint})
+    return groups

@@ -12,7 +12,20 @@ from .jobs import Jobs
 from .session import Session
 
 # In the order in which they need one another.
-_MODULES = ("dom", "wire", "store", "shelf", "coats", "plot", "look", "easel", "backwards", "away", "studio", "notebook")
+_MODULES = (
+    "dom",
+    "wire",
+    "store",
+    "shelf",
+    "coats",
+    "plot",
+    "look",
+    "easel",
+    "backwards",
+    "away",
+    "studio",
+    "notebook",
+)
 _USUAL = {
     "glazejax": "stack",
     "version": 1,

@@ -108,8 +108,8 @@ export function backwardsPanel(store) {
   }
   function showRecipes(result, seconds) {
     const unit = result.recipes[0]?.in_gamut === false ? `; ${result.words}` : "";
-    found.replaceChildren(el("h3", {}, `Recipes for ${result.target}`), el("p.under", {}, `best first, ${seconds.toFixed(0)} s${unit}; from one mixing to the next a colour differs by the second number`),
-      ...result.recipes.map((one) => card(one.rgb, `ΔE00 ${one.delta_e.toFixed(2)}`, [one.words, `± ${one.between.toFixed(1)} between mixings`], one.stack, "The recipe is the stack now; undo brings back what was there.")));
+    found.replaceChildren(el("h3", {}, `Recipes for ${result.target}`), el("p.under", {}, `best first, found in ${seconds.toFixed(0)} s${unit}`),
+      ...result.recipes.map((one) => card(one.rgb, `ΔE00 ${one.delta_e.toFixed(2)}`, [one.stack.coats.map((coat) => store.words(coat)).join(" over "), `± ${one.between.toFixed(1)} from one mixing to the next`], one.stack, "The recipe is the stack now; undo brings back what was there.")));
   }
   function showIdentified(result, seconds) {
     found.replaceChildren(...result.spectra.flatMap((one) => [

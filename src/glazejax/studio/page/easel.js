@@ -71,6 +71,7 @@ export function easelPanel(store) {
     const { x, y, w, h } = header.box;
     pen.putImageData(new ImageData(new Uint8ClampedArray(arrays.rgba.slice().buffer), w, h), x, y);
     state.textContent = `colours within ΔE00 ${header.error.toFixed(2)} of the full computation${header.outside > 0.001 ? `; ◢ ${(100 * header.outside).toFixed(0)} % of what changed is outside sRGB, the nearest is shown` : ""}`;
+    canvas.dataset.ms = header.ms;
     canvas.dataset.took = (performance.now() - asked).toFixed(1);
     canvas.dataset.done = Number(canvas.dataset.done ?? 0) + 1;
     waiting = null;

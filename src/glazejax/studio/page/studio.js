@@ -104,6 +104,7 @@ export function mount(root, wire, { begin = null, remember = null } = {}) {
       // What was wrong with the last question is over with this answer.
       if (line.dataset.about === "see") store.say("");
       store.tell("seen");
+      root.dataset.ms = header.ms;
       root.dataset.seen = header.number;
       root.dataset.took = (performance.now() - store.asked).toFixed(1);
       store.answered(header.number);
@@ -122,7 +123,10 @@ export function mount(root, wire, { begin = null, remember = null } = {}) {
     },
     lamp: (header) => store.tell("lamp", header),
     lines: (header) => store.tell("lines", header),
-    painted: (header, arrays) => store.tell("painted", header, arrays),
+    painted(header, arrays) {
+      state.textContent = "ready";
+      store.tell("painted", header, arrays);
+    },
     job: (header) => store.tell("job", header),
     stack: (header) => { if (JSON.stringify(header.stack) !== JSON.stringify(store.plain())) store.take(header.stack); },
     status(header) {
