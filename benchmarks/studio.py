@@ -30,6 +30,8 @@ from benchmarks.timing import environment
 COATS = ("CobaltBlue", "ZincWhite", "Vermillion", "ChromeYellow", "Eosin", "ViridianGreen", "LeadWhite", "Minium")
 EVENTS = 100
 _READY = 900
+# The command itself, also where it has not been installed anew.
+_START = "import typer; from glazejax.studio.command import register; a = typer.Typer(); register(a); a(['--no-open'])"
 
 # Moves the first slider up and down; each time ends when the swatch has been drawn, and with the next frame.
 _SLIDE = """
@@ -59,7 +61,8 @@ const canvas = document.querySelector("[data-at=easel]"), box = canvas.getBoundi
 const times = [];
 let n = 0, start = 0;
 const at = (type, i) => canvas.dispatchEvent(new PointerEvent(type, {bubbles: true, pointerId: 1, isPrimary: true,
-  clientX: box.left + box.width * (0.2 + 0.6 * ((i * 0.618) % 1)), clientY: box.top + box.height * (0.2 + 0.6 * ((i * 0.414) % 1))}));
+  clientX: box.left + box.width * (0.2 + 0.6 * ((i * 0.618) % 1)),
+  clientY: box.top + box.height * (0.2 + 0.6 * ((i * 0.414) % 1))}));
 const next = () => {
   // A change that was answered twice must not go on afterwards.
   if (n >= events) { watch.disconnect(); done(times); return; }
@@ -88,18 +91,15 @@ class Server:
 
     def __init__(self, cache: Path):
         began = time.perf_counter()
-        code = "import typer; from glazejax.studio.command import register; a = typer.Typer(); register(a); a(['--no-open'])"
-        self.process = subprocess.Popen(
-            [sys.executable, "-c", code],
-            stdout=subprocess.PIPE,
-            text=True,
-            env=os.environ | {"GLAZEJAX_CACHE": str(cache)},
-        )
+        environment = os.environ | {"GLAZEJAX_CACHE": str(cache)}
+        command = [sys.executable, "-c", _START]
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
         assert self.process.stdout is not None
         self.link = self.process.stdout.readline().split(" at ")[1].strip()
         self.seconds = time.perf_counter() - began
 
     def stop(self) -> None:
+        """End it as Ctrl-C does."""
         self.process.send_signal(signal.SIGINT)
         self.process.wait(60)
 

@@ -399,7 +399,9 @@ def test_by_keyboard_alone(page):
     reached = set()
     for _ in range(40):
         ActionChains(page.browser).send_keys(Keys.TAB).perform()
-        code = "const e = document.activeElement; return [e.tagName, e.dataset.at, e.getAttribute('aria-label') || e.textContent, getComputedStyle(e).outlineStyle]"
+        code = """
+            const e = document.activeElement, name = e.getAttribute("aria-label") || e.textContent;
+            return [e.tagName, e.dataset.at, name, getComputedStyle(e).outlineStyle]"""
         tag, at, name, outline = page.js(code)
         assert name or tag == "BODY", (tag, at)
         assert outline != "none" or tag == "BODY", (tag, at)

@@ -41,8 +41,8 @@ def render(
         typer.Option(
             "--stack",
             metavar="FILE",
-            help="Coats, ground, index and geometry of a stack that `glazejax studio` or --write-stack wrote, in place of "
-            "--layers. --ground, --geometry and --refractive-index count before it.",
+            help="Coats, ground, index and geometry of a stack that `glazejax studio` or --write-stack wrote, in place "
+            "of --layers. --ground, --geometry and --refractive-index count before it.",
             show_default=False,
         ),
     ] = None,

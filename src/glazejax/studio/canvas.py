@@ -42,7 +42,7 @@ class Easel:
 
     def __init__(self, engine: Engine):
         self._engine = engine
-        self._tables: dict[str, tuple[Interpolated, Float[np.ndarray, "3"]]] = {}
+        self._tables: dict[str, tuple[Interpolated, np.ndarray]] = {}
 
     def paint(self, stack: Stack, brushed: Any, maps: dict[str, Any], lamp: Any, tell: Tell) -> Painted:
         """Colours of pixels.
@@ -71,10 +71,8 @@ class Easel:
             np.clip(column, 0.0, tops[name], out=column)
         xyz = _read(table, columns, count)
         side = np.asarray(maps.get("side", np.zeros(0))).ravel().astype(int)
-        if xyz.shape[1] == 2 and side.shape == (count,):
-            xyz = xyz[np.arange(count), np.clip(side, 0, 1)]
-        else:
-            xyz = xyz[:, 0]
+        on_card = xyz.shape[1] == 2 and side.shape == (count,)
+        xyz = xyz[np.arange(count), np.clip(side, 0, 1) if on_card else 0]
         encoded = np.asarray(colour.xyz_to_srgb(_filled(xyz), white, clip=False))[:count]
         outside = float(np.mean(np.any((encoded < -0.002) | (encoded > 1.002), axis=1)))
         rgba = np.full((count, 4), 255, np.uint8)

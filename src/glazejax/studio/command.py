@@ -1,5 +1,6 @@
 """The command `glazejax studio`: a local page where stacks of paint are played with."""
 
+import contextlib
 from pathlib import Path
 from typing import Annotated
 
@@ -61,8 +62,6 @@ def serve(port: int, fragment: str, *, open_browser: bool) -> None:
 
         # The socket listens already: the browser waits for its answer.
         threading.Timer(0.3, webbrowser.open, [server.link + fragment]).start()
-    try:
+    with contextlib.suppress(KeyboardInterrupt):
         server.run()
-    except KeyboardInterrupt:
-        pass
     typer.echo("The studio is closed. What you made lives on in its link, and in what you saved.")

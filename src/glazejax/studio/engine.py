@@ -73,7 +73,7 @@ class Engine:
 
     def __init__(self) -> None:
         self._ready: set[Key] = set()
-        self._kept: dict[Any, tuple[Float[np.ndarray, "bands"], list[Pigment | Mixture]]] = {}
+        self._kept: dict[Any, tuple[np.ndarray, list[Pigment | Mixture]]] = {}
         # One for each shape: a page that asks for what is compiled does not wait for what is not.
         self._locks: defaultdict[Key, threading.Lock] = defaultdict(threading.Lock)
 

@@ -5,6 +5,7 @@ must be this server's own; the page may load nothing from elsewhere (Content-Sec
 """
 
 import asyncio
+import contextlib
 import secrets
 import socket
 import threading
@@ -75,10 +76,8 @@ class Studio:
 
     def _warm(self) -> None:
         """Compile what a page will ask first."""
-        try:
+        with contextlib.suppress(ValueError):  # A page that asks the same is told.
             self.engine.warm()
-        except ValueError:  # A page that asks the same is told.
-            pass
 
     def refusal(self, headers: Any, token: str, *, socket: bool) -> str:
         """Why a request is refused, in words; empty if it is not."""
