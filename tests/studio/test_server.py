@@ -13,6 +13,7 @@ import pytest
 from typer.testing import CliRunner
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
+from websockets.typing import Origin
 
 import glazejax as gj
 from glazejax.extras import advice
@@ -96,19 +97,17 @@ def test_without_its_token_nothing_is_answered(served):
 def test_sockets_of_others_are_refused(served, token, origin):
     studio = served.studio
     link = f"ws://127.0.0.1:{studio.port}/{token or studio.token}/socket"
-    own = f"http://127.0.0.1:{studio.port}"
-    with (
-        pytest.raises((InvalidStatus, ConnectionClosed)),
-        connect(link, origin=own if origin == "own" else origin) as s,
-    ):
-        s.recv(timeout=10)
+    asked = f"http://127.0.0.1:{studio.port}" if origin == "own" else origin
+    found = None if asked is None else Origin(asked)
+    with pytest.raises((InvalidStatus, ConnectionClosed)), connect(link, origin=found) as refused:
+        refused.recv(timeout=10)
 
 
 @pytest.fixture
 def talk(served):
     studio = served.studio
     link = f"ws://127.0.0.1:{studio.port}/{studio.token}/socket"
-    with connect(link, origin=f"http://127.0.0.1:{studio.port}", max_size=None) as found:
+    with connect(link, origin=Origin(f"http://127.0.0.1:{studio.port}"), max_size=None) as found:
         yield found
 
 

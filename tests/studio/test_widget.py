@@ -3,6 +3,7 @@
 import base64
 import json
 import time
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ STACK = {"glazejax": "stack", "coats": [{"paint": {"Eosin": 1}, "um": 4}]}
 @pytest.fixture
 def told(monkeypatch):
     """A widget, and what it sends to its page."""
-    found = Widget(STACK, tasks={})
+    found: Any = Widget(STACK, tasks={})
     sent = []
     monkeypatch.setattr(found, "send", lambda content, buffers: sent.append((content, bytes(buffers[0]))))
     yield found, sent
@@ -33,11 +34,11 @@ def told(monkeypatch):
 
 
 def test_its_stack_is_read_and_set(told):
-    found, _ = told
+    found: Any = told[0]
     assert found.stack["coats"] == [{"paint": {"Eosin": 1.0}, "um": 4.0}]
     found.stack = {**STACK, "coats": []}
     assert found.stack["coats"] == []
-    found.stack = stack_from_dict(STACK)
+    found.set_trait("stack", stack_from_dict(STACK))
     assert found.stack["ground"] == "card"
     with pytest.raises(ValueError, match="there is no pigment"):
         found.stack = {**STACK, "coats": [{"paint": {"Nothing": 1}, "um": 4}]}

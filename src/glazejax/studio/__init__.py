@@ -7,7 +7,8 @@ The page is plain ES modules in `page/`. It knows no optics: `engine` answers ea
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from .widget import Widget
+    # Made by `glazejax.studio.widget.make_widget` when it is asked for.
+    Widget: Any
 
 __all__ = ["Widget"]
 

@@ -7,7 +7,7 @@ filled up with coats of no thickness, which are absent exactly, to 1, 3 or 8.
 
 import threading
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 import jax.numpy as jnp
@@ -39,6 +39,8 @@ _STEP = 0.01
 NINETY = 1.6448536269514722
 # Stacks whose media are kept.
 _KEPT = 64
+_COEFFICIENTS = ("absorption", "scattering")
+_TINY = 1e-30
 # Rows of the batch: the stack on its ground, white and black, at another angle, and the three bare grounds.
 _ON_GROUND, _ON_WHITE, _ON_BLACK, _ANGLE, _BARE, _STEPS = 0, 1, 2, 3, 4, 7
 _FIXED = _STEPS + len(LADDER)
@@ -110,7 +112,7 @@ class Engine:
         """
         grid, media = self._media(stack)
         weights = [_weights(lamp, grid) for lamp in view.lamps]
-        k, s = (_coefficients(media, what, grid.size) for what in ("absorption", "scattering"))
+        k, s = (_coefficients(media, what, grid.size) for what in _COEFFICIENTS)
         thickness = np.array([coat.total for coat in stack.shown])
         grounds = _grounds(stack, grid)
         key = self._key(stack, grid.size)
@@ -232,7 +234,7 @@ def spectra_of(
     extinction = both.sum(axis=0)
     clear = extinction <= 1e-12
     albedo = np.where(clear, 0.0, both[1]) / np.where(clear, 1.0, extinction)
-    cosines = {"cos_incidence": np.cos(np.deg2rad(light))[:, None]}
+    cosines: dict[str, Any] = {"cos_incidence": np.cos(np.deg2rad(light))[:, None]}
     solve = stack_hemispherical_reflectance
     mirrored = np.full(len(depth), True)
     if isinstance(stack.seen_by, Bidirectional):
@@ -268,31 +270,39 @@ def deviation(
         Paints of one provenance share their errors (`Pigment.error_modes`); where a paint has standard deviations
         alone, its bands count as independent.
     """
-    shared: dict[str, np.ndarray] = {}
-    alone: dict[int, np.ndarray] = {}
-    own: dict[int, np.ndarray] = {}
+    shared: dict[str, Any] = {}
+    alone: dict[tuple[int, int], Any] = {}
     for i, medium in enumerate(media):
-        parts = zip(medium.pigments, np.asarray(medium.weights), strict=True) if isinstance(medium, Mixture) else ()
-        for paint, weight in parts or ((medium, 1.0),):
+        whole = [np.asarray(getattr(medium, what), float) for what in _COEFFICIENTS]
+        for paint, weight in _parts(medium):
             if weight == 0:
                 continue
             if paint.absorption_sd is None and paint.error_modes is None:
                 return np.zeros(0), f"no 90 % band: how sure {paint.name} is has not been stated"
-            whole = [np.asarray(getattr(medium, what), float) for what in ("absorption", "scattering")]
-            mine = [weight * np.asarray(getattr(paint, what), float) for what in ("absorption", "scattering")]
+            own = [np.asarray(getattr(paint, what), float) for what in _COEFFICIENTS]
             # Slope by log k of this paint alone: its share of the coat's k.
-            slope = [slopes[j, i] * mine[j] / np.maximum(whole[j], 1e-30) for j in (0, 1)]
+            slope = [slopes[j, i] * weight * own[j] / np.maximum(whole[j], _TINY) for j in (0, 1)]
             if paint.error_modes is not None:
                 modes = np.asarray(paint.error_modes, float)
                 change = modes[:, 0] * slope[0] + modes[:, 1] * slope[1]
                 shared[paint.provenance] = shared.get(paint.provenance, 0.0) + change
                 continue
-            logs = [np.asarray(sd, float) * weight / np.maximum(m, 1e-30) for sd, m in zip(
-                (paint.absorption_sd, paint.scattering_sd), mine, strict=True)]  # fmt: skip
-            alone[id(paint)] = alone.get(id(paint), 0.0) + slope[0] * logs[0]
-            own[id(paint)] = own.get(id(paint), 0.0) + slope[1] * logs[1]
-    total = sum((np.sum(change**2, axis=0) for change in shared.values()), np.zeros(slopes.shape[-1]))
-    return np.sqrt(total + sum(c**2 for c in (*alone.values(), *own.values()))), ""
+            for j, sd in enumerate((paint.absorption_sd, paint.scattering_sd)):
+                log_sd = 0.0 if sd is None else np.asarray(sd, float) / np.maximum(own[j], _TINY)
+                alone[id(paint), j] = alone.get((id(paint), j), 0.0) + slope[j] * log_sd
+    total = np.zeros(slopes.shape[-1])
+    for change in shared.values():
+        total = total + np.sum(change**2, axis=0)
+    for change in alone.values():
+        total = total + change**2
+    return np.sqrt(total), ""
+
+
+def _parts(medium: Pigment | Mixture) -> list[tuple[Pigment, float]]:
+    """Paints of a coat and their weights."""
+    if isinstance(medium, Mixture):
+        return [(p, float(w)) for p, w in zip(medium.pigments, np.asarray(medium.weights), strict=True)]
+    return [(medium, 1.0)]
 
 
 def _weights(lamp: Any, grid: Float[np.ndarray, "bands"]) -> Float[np.ndarray, "bands 3"]:
@@ -301,7 +311,7 @@ def _weights(lamp: Any, grid: Float[np.ndarray, "bands"]) -> Float[np.ndarray, "
 
 def _colours(
     spectra: Float[np.ndarray, "rows bands"], weights: list[Float[np.ndarray, "bands 3"]], stack: Stack, view: View
-) -> Mapping[str, Float[np.ndarray, "..."]]:
+) -> dict[str, Float[np.ndarray, "..."]]:
     """8-bit and unclipped sRGB, L*a*b*, and the difference to the pinned colour."""
     rgb, encoded, lab = [], [], []
     for each in weights:

@@ -100,7 +100,7 @@ class Studio:
 
         # Two threads: what is seen, and what is brushed or read; each page's messages stay in order.
         pool = ThreadPoolExecutor(2)
-        page = files(__package__).joinpath("page")
+        page = files("glazejax.studio").joinpath("page")
         policy = (
             "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; "
             f"connect-src 'self' {' '.join(f'ws://{host}' for host in sorted(self._hosts))}; "

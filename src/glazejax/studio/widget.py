@@ -36,7 +36,7 @@ _USUAL = {
 
 def bundle() -> str:
     """The page's modules as one, for hosts that take a single text."""
-    page = files(__package__).joinpath("page")
+    page = files("glazejax.studio").joinpath("page")
     parts = []
     for name in _MODULES:
         text = page.joinpath(f"{name}.js").read_text(encoding="utf-8")
@@ -74,7 +74,7 @@ def make_widget() -> type:
         """
 
         _esm = bundle()
-        _css = files(__package__).joinpath("page", "style.css").read_text(encoding="utf-8")
+        _css = files("glazejax.studio").joinpath("page", "style.css").read_text(encoding="utf-8")
         stack = traitlets.Any().tag(sync=True)
         seen = traitlets.Dict(default_value=None, allow_none=True)
 
