@@ -136,13 +136,36 @@ def test_what_is_wrong_is_one_sentence(ask, message, words):
     assert "\n" not in header["words"]
 
 
+def check_swatches(paints, swatches):
+    for thickness, found in ((0.01, swatches["thick"]), (5e-6, swatches["thin"])):
+        for paint, rgb in zip(paints, found, strict=True):
+            spectrum = gj.reflectance(gj.Glaze([gj.Layer(paint, thickness)], 0.93), gj.Bidirectional(45, 0))
+            assert np.abs(rgb - 255 * np.asarray(colour.srgb(paint.wavelengths, spectrum))).max() <= 1, paint.name
+
+
+def test_the_shelf_shows_paints_as_they_are(ask):
+    hello, *shelves = ask({"type": "hello"})
+    listed = {entry["name"]: entry for entry in hello[0]["paints"]}
+    assert len(listed) == 39
+    assert listed["LeadWhite"]["unknown"]
+    assert listed["acrylics/TitaniumWhite"]["label"] == "Titanium White"
+    assert [len(header["names"]) for header, _ in shelves] == [20, 19]
+    for (header, swatches), catalogue in zip(shelves, gj.catalogue.names(), strict=True):
+        paints = gj.catalogue.load(catalogue)
+        names = [name.rpartition("/")[2] for name in header["names"]]
+        chosen = [0, 1, 12, len(names) - 1]
+        picked = {size: found[chosen] for size, found in swatches.items()}
+        check_swatches([paints[names[i]] for i in chosen], picked)
+
+
 def test_a_dropped_file_of_paints(ask):
     rows = [f"{name},{w},1000,50000" for name in ("Mine", "ZincWhite") for w in range(400, 701, 10)]
     content = "\n".join(["pigment,wavelength_nm,absorption,scattering", *rows]).encode()
     (header, _), (shelf, swatches) = ask({"type": "file", "name": "paints.csv"}, rest=content)
     assert list(header["pigments"]) == ["Mine", "ZincWhite (own)"]
     assert shelf["names"] == ["Mine", "ZincWhite (own)"]
-    assert swatches["thick"].shape == (2, 3)
+    mine = gj.Pigment("Mine", np.arange(400.0, 701, 10), np.full(31, 1000.0), np.full(31, 50000.0))
+    check_swatches([mine, mine], swatches)
     bad = content.replace(b"400,1000", b"400,many")
     [(header, _)] = ask({"type": "file", "name": "paints.csv"}, rest=bad)
     assert header["words"].startswith("paints.csv")

@@ -124,7 +124,7 @@ def _identified(asked: Asked, found: Any, row: int) -> dict[str, Any]:
         listed.append(
             {
                 "words": one.words,
-                "fit": f"{sized}off by {one.rmse:.3f}",
+                "fit": f"{sized}fit off by {one.rmse:.3f}",
                 "probability": float(one.probability),
                 "rgb": _rgb(grid, np.atleast_2d(one.fitted)[-1]),
                 "stack": _stack(asked, coats),

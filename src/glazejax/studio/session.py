@@ -104,7 +104,12 @@ class Session:
 
     def _on_check(self, header: dict[str, Any], arrays: Any, rest: bytes) -> None:
         """A stack of a link or a file: as it is understood, or why not."""
-        self.tell({"type": "checked", "number": header.get("number"), "stack": stack_to_dict(_stack(header))})
+        found = stack_to_dict(_stack(header))
+        # Parts by weight stay as they were written: 5 to 1, not .8333 to .1667.
+        for coat, given in zip(found["coats"], header["stack"]["coats"], strict=True):
+            if len(coat["paint"]) == len(given["paint"]):
+                coat["paint"] = dict(zip(coat["paint"], given["paint"].values(), strict=True))
+        self.tell({"type": "checked", "number": header.get("number"), "stack": found})
 
     def _on_lamp(self, header: dict[str, Any], arrays: Any, rest: bytes) -> None:
         """A lamp of one's own: whether it will do, for what the oils cover."""

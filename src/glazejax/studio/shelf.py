@@ -75,8 +75,9 @@ def swatches(
         both, depth = np.zeros((2, rows, key[1], _SIZE)), np.zeros((rows, _SIZE))
         for i, paint in enumerate(chosen):
             k_and_s = np.stack([np.asarray(paint.absorption, float), np.asarray(paint.scattering, float)])[:, columns]
-            both[:, [i, most + i], :, 0] = k_and_s[:, None]
-            depth[[i, most + i], 0] = MAX_THICKNESS, THIN
+            for row, thickness in ((i, MAX_THICKNESS), (most + i, THIN)):
+                both[:, row, :, 0] = k_and_s
+                depth[row, 0] = thickness
         ground = np.full((rows, key[1]), WHITE)
         spectra = engine.solve(key, both, depth, ground, Stack(()), View(light=45.0, view=0.0))[:, : grid.size]
         for half in (0, 1):

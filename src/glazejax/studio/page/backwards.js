@@ -38,10 +38,13 @@ export function backwardsPanel(store) {
     spectra.hidden = header.names.length < 2;
     spectra.replaceChildren(...header.names.map((name, i) => el("option", { value: i }, name)));
     panel.querySelector(".none").textContent = `${header.name}: ${header.names.length} ${header.names.length > 1 ? "spectra" : "spectrum"}, ${header.words}`;
-    pick(0);
+    // Of a film over cards, what is seen on white.
+    const first = Math.max(0, header.films ? header.names.findIndex((name) => name.endsWith("_ow")) : 0);
+    spectra.value = first;
+    where.hidden = header.films;
+    pick(first);
     store.tell("open", "backwards");
     if (header.films) {
-      where.value = "opaque";
       jobs.append(el("div.job", {}, `${header.name} holds films over cards. `, el("button", { type: "button", "data-at": "recover", onclick: (event) => { event.target.closest(".job").remove(); start("recover"); } }, "Recover their paints for the shelf")));
     }
   });

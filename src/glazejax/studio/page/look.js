@@ -72,7 +72,7 @@ export function lookPanel(store) {
     el("div.facts", {}, numbers, el("div.choices", {}, pin, geometry)),
     el("div.lamps-head", {}, el("h3", {}, "Lamps"), el("button.quiet", { type: "button", "data-at": "own-lamp", title: "Two columns: nm and relative power", onclick: () => lampFile.click() }, "Own lamp")), lamps,
     el("div.pair", {},
-      el("div", {}, el("h3", {}, "Another angle"), el("div.tilt", {}, angle.swatch, el("div", {}, angle.light, angle.view))),
+      el("div", {}, el("h3", {}, "Another angle: right half"), el("div.tilt", {}, angle.swatch, el("div", {}, angle.light, angle.view))),
       el("div", {}, ladderTitle, ladder)),
     el("h3", {}, "Spectrum"), plot.node, marks);
 

@@ -25,8 +25,8 @@ export function spectrumPlot() {
       parts.push(text);
     }
     for (let nm = Math.ceil(low / 50) * 50; nm <= high; nm += 50) {
-      const text = svg("text", { x: x(nm), y: H - 8, "text-anchor": "middle" });
-      text.textContent = nm === Math.floor(high / 50) * 50 ? `${nm} nm` : nm;
+      const text = svg("text", { x: x(nm), y: H - 8, "text-anchor": nm > high - 20 ? "end" : "middle" });
+      text.textContent = nm + 50 > high ? `${nm} nm` : nm;
       parts.push(svg("line", { x1: x(nm), x2: x(nm), y1: H - BOTTOM, y2: H - BOTTOM + 4, class: "tick" }), text);
     }
     const main = row(0);
