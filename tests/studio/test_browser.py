@@ -391,6 +391,70 @@ def test_a_recipe_is_stopped_and_one_is_taken(page):
     assert page.stack()["coats"] == TWO["coats"]
 
 
+def write_film(path, film: str, rows: str = "") -> None:
+    """Some rows of a film of the samples."""
+    first, *lines = gj.samples.path().read_text().splitlines()
+    path.write_text("\n".join([first, *(line for line in lines if line.startswith(f"{film}_{rows}"))]) + "\n")
+
+
+def test_a_film_is_identified_and_recovered(page, tmp_path):
+    """Vermilion over cards, 06A of the samples: 'none of these' is in the list, and one click takes the film."""
+    write_film(tmp_path / "film.csv", "06A")
+    page.drop(tmp_path / "film.csv")
+    page.until(lambda: page.at("identify").is_displayed() and page.at("identify").is_enabled(), "the film")
+    page.at("identify").click()
+    page.until(lambda: "In 06A" in page.js("return document.querySelector('.found').textContent"), "the answer", 400)
+    text = page.js("return document.querySelector('.found').textContent")
+    assert "none of these paints" in text
+    page.all("[data-at=take]")[0].click()
+    page.settle()
+    stack = page.stack()
+    assert list(stack["coats"][0]["paint"]) == ["Vermillion"]
+    page.at("recover").click()
+    page.until(lambda: page.all(".tile[data-paint='06A']"), "the paint", 400)[0].find_element("css selector", "button").click()
+    page.settle()
+    stack = page.stack()
+    assert list(stack["pigments"]) == ["06A"]
+    page.at("tab-look").click()
+    page.settle()
+    check_swatch(page, stack)
+
+
+def test_a_spectrum_becomes_the_ground(page, tmp_path):
+    write_film(tmp_path / "film.csv", "06A", "ow")
+    page.drop(tmp_path / "film.csv")
+    page.until(lambda: "06A_ow" in page.at("aim").text, "the spectrum")
+    page.js("arguments[0].value = 'spectrum'; arguments[0].dispatchEvent(new Event('change'))", page.at("ground"))
+    page.at("tab-look").click()
+    page.settle()
+    stack = page.stack()
+    assert len(stack["ground"]["wavelengths"]) == 31
+    assert np.abs(page.pixel("swatch", 0.5, 0.4) - expected(stack, "white")).max() <= 1
+
+
+def test_a_colour_is_picked_in_a_photograph(page, tmp_path):
+    from PIL import Image
+
+    picture = np.zeros((20, 30, 3), np.uint8)
+    picture[:, :15], picture[:, 15:] = (200, 120, 40), (10, 200, 90)
+    Image.fromarray(picture).save(tmp_path / "photo.png")
+    page.drop(tmp_path / "photo.png")
+    photo = page.at("photo")
+    page.until(photo.is_displayed, "the photograph")
+    photo.click()  # in its middle, at the edge of the right half
+    assert page.at("wanted").get_attribute("value") in {"#0ac85a", "#49ad49"}
+
+
+def test_a_colour_beyond_srgb_is_marked(page):
+    page.open(fragment({**TWO, "coats": [{"paint": {"ChromeYellow": 1}, "um": 200}]}))
+    found = stack_from_dict({**TWO, "coats": [{"paint": {"ChromeYellow": 1}, "um": 200}]})
+    spectrum = gj.reflectance(found.glaze(), found.seen_by)
+    assert np.asarray(colour.srgb(found.glaze().wavelengths, spectrum, clip=False)).min() < -0.002
+    assert "outside sRGB" in page.js("return document.querySelector('.beyond')?.textContent ?? ''")
+    page.open(fragment({**TWO, "coats": [{"paint": {"ZincWhite": 1}, "um": 200}]}))
+    assert page.all(".beyond") == []
+
+
 def test_by_keyboard_alone(page):
     """Every control is reached by Tab, and has a name."""
     from selenium.webdriver import ActionChains, Keys
