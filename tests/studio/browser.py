@@ -1,5 +1,6 @@
 """A Chromium for the tests of the studio's page, and a studio for it to look at."""
 
+import contextlib
 import json
 import shutil
 import threading
@@ -83,10 +84,14 @@ class Page:
         return self.browser.find_elements("css selector", selector)
 
     def until(self, true: Callable[[], Any], what: str, seconds: float = WAIT) -> Any:
+        from selenium.common.exceptions import StaleElementReferenceException
+
         end = time.monotonic() + seconds
         while time.monotonic() < end:
-            if found := true():
-                return found
+            # What is looked at may be built anew meanwhile.
+            with contextlib.suppress(StaleElementReferenceException):
+                if found := true():
+                    return found
             time.sleep(0.05)
         raise AssertionError(f"{what} did not come in {seconds:.0f} s; the page says {self.said()!r}")
 

@@ -299,6 +299,22 @@ def test_a_stroke_is_painted_undone_and_painted_again(page):
     assert near(0.35, 0.5, TWO, "white")
 
 
+def test_the_canvas_is_brushed_by_keys(page):
+    from selenium.webdriver import Keys
+
+    page.at("tab-canvas").click()
+    canvas = page.at("easel")
+    page.until(lambda: page.js("return arguments[0].dataset.done", canvas), "the canvas")
+    canvas.send_keys(Keys.ARROW_LEFT * 8)
+    assert page.at("easel-state").text == "brush at 192, 256; space lays paint"
+    assert page.all(".ring")[0].is_displayed()
+    canvas.send_keys("   ")
+    bare = {**TWO, "coats": [{**TWO["coats"][0], "um": 0}, TWO["coats"][1]]}
+    for x, y, stack in ((0.1, 0.1, bare), (192.5 / 512, 0.5, TWO)):
+        found = expected(stack, "white")
+        page.until(lambda x=x, y=y, f=found: np.abs(page.pixel("easel", x, y) - f).max() <= 4, "the touch", 20)
+
+
 def test_maps_are_saved_and_loaded(page, downloads):
     page.at("tab-canvas").click()
     canvas = page.at("easel")
@@ -411,7 +427,9 @@ def test_a_film_is_identified_and_recovered(page, tmp_path):
     stack = page.stack()
     assert list(stack["coats"][0]["paint"]) == ["Vermillion"]
     page.at("recover").click()
-    page.until(lambda: page.all(".tile[data-paint='06A']"), "the paint", 400)[0].find_element("css selector", "button").click()
+    page.until(lambda: page.all(".tile[data-paint='06A']"), "the paint", 400)[0].find_element(
+        "css selector", "button"
+    ).click()
     page.settle()
     stack = page.stack()
     assert list(stack["pigments"]) == ["06A"]

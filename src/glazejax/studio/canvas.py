@@ -14,9 +14,10 @@ from jaxtyping import Float
 from .. import colour
 from ..geometry import Bidirectional
 from ..interpolated import MOST_AXES, Interpolated, interpolated
+from ..paint.describe import Coat
 from ..spectra import resample
-from ..stacks import BLACK, Spectrum, Stack, common_grid, paints, stack_to_dict
-from .engine import Engine, spectra_of
+from ..stacks import BLACK, Spectrum, Stack, all_paints, common_grid, paints, stack_to_dict
+from .engine import GAMUT, Engine, spectra_of
 
 DELTA_E = 0.2
 """Largest CIEDE2000 difference wanted between a pixel and its full computation."""
@@ -74,7 +75,7 @@ class Easel:
         on_card = xyz.shape[1] == 2 and side.shape == (count,)
         xyz = xyz[np.arange(count), np.clip(side, 0, 1) if on_card else 0]
         encoded = np.asarray(colour.xyz_to_srgb(_filled(xyz), white, clip=False))[:count]
-        outside = float(np.mean(np.any((encoded < -0.002) | (encoded > 1.002), axis=1)))
+        outside = float(np.mean(np.any((encoded < -GAMUT) | (encoded > 1 + GAMUT), axis=1)))
         rgba = np.full((count, 4), 255, np.uint8)
         rgba[:, :3] = np.round(255 * np.clip(encoded, 0, 1))
         words = {"error": table.error, "computed": table.evaluations, "outside": outside}
@@ -95,6 +96,14 @@ class Easel:
                 self._tables.pop(next(iter(self._tables)))
             self._tables[key] = made
         return self._tables[key]
+
+
+def warm(engine: Engine) -> None:
+    """Compile what the first canvas asks for: two brushed coats of oils on a card."""
+    first, second = [name for name in all_paints() if "/" not in name][:2]
+    coats = tuple(Coat(((1.0, name),), 1e-6, 1) for name in (first, second))
+    maps = {name: np.zeros(1) for name in ("0", "1", "side")}
+    Easel(engine).paint(Stack(coats), [[0, 1], [1, 1]], maps, "D65", lambda words: None)
 
 
 def _chosen(brushed: Any, stack: Stack) -> list[tuple[int, float]]:

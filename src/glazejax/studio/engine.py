@@ -32,6 +32,8 @@ Key: TypeAlias = tuple[int, int, bool]
 LADDER = (1, 2, 3, 5, 8, 13, 21, 34)
 """Coats of the ladder's steps."""
 TOLERANCE = 1e-5
+GAMUT = 0.002
+"""How far outside [0, 1] sRGB may lie and still count as shown: half a step of 255."""
 # Numbers of bands that spectra are filled up to.
 _BANDS = (31, 41, 81, 161, 401, 1000)
 # Relative step of k and s for their slopes, and standard deviations to the ends of the central 90 %.

@@ -14,6 +14,7 @@ from importlib.resources import files
 from typing import Any
 
 from ..extras import require
+from . import canvas
 from .engine import Engine
 from .jobs import Jobs
 from .session import Session
@@ -78,6 +79,7 @@ class Studio:
         """Compile what a page will ask first."""
         with contextlib.suppress(ValueError):  # A page that asks the same is told.
             self.engine.warm()
+            canvas.warm(self.engine)
 
     def refusal(self, headers: Any, token: str, *, socket: bool) -> str:
         """Why a request is refused, in words; empty if it is not."""
@@ -98,8 +100,8 @@ class Studio:
         from starlette.routing import Route, WebSocketRoute
         from starlette.websockets import WebSocket
 
-        # Two threads: what is seen, and what is brushed or read; each page's messages stay in order.
-        pool = ThreadPoolExecutor(2)
+        # So that one page's long compilation keeps no other waiting.
+        pool = ThreadPoolExecutor(6)
         page = files("glazejax.studio").joinpath("page")
         policy = (
             "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; "

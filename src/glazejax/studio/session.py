@@ -85,11 +85,11 @@ class Session:
         """What paints look like, those of one grid after the other."""
         for group in shelf.by_grid(paints):
             try:
-                thick, thin = shelf.swatches(self.engine, list(group.values()))
+                found = shelf.swatches(self.engine, list(group.values()))
             except ValueError as error:  # Bands that give no colour.
                 self.tell({"type": "error", "about": "shelf", "words": f"{', '.join(group)}: {error}"})
                 continue
-            self.tell({"type": "shelf", "names": list(group)}, {"thick": thick, "thin": thin})
+            self.tell({"type": "shelf", "names": list(group)}, found)
 
     def _on_see(self, header: dict[str, Any], arrays: Any, rest: bytes) -> None:
         """Spectra and colours of a stack."""

@@ -12,7 +12,7 @@ from ..paint.describe import describe_bands
 from ..paint.media import MAX_THICKNESS, Pigment
 from ..spectra import describe_grid, same_grid
 from ..stacks import WHITE, Stack, paints
-from .engine import Engine, View, filled, rows_of
+from .engine import GAMUT, Engine, View, filled, rows_of
 
 THIN = 5e-6
 """Thickness of the thin glaze, m."""
@@ -59,17 +59,18 @@ def doubts(stack: Stack) -> list[str]:
     return found
 
 
-def swatches(
-    engine: Engine, some: Sequence[Pigment]
-) -> tuple[Float[np.ndarray, "paints 3"], Float[np.ndarray, "paints 3"]]:
+def swatches(engine: Engine, some: Sequence[Pigment]) -> dict[str, Float[np.ndarray, "..."]]:
     """8-bit sRGB under D65 of paints on one grid: thick, and a thin glaze over white, at 45:0.
+
+    Returns:
+        `thick`, `thin` (paints, 3), and `outside` (paints, 2): 1 where sRGB cannot show the colour.
 
     The program is that of stacks of three coats, so that nothing more is compiled.
     """
     grid = some[0].wavelengths
     weights, key = colour.colour_weights(grid), (_SIZE, filled(grid.size), False)
     rows, columns = rows_of(_SIZE), np.minimum(np.arange(key[1]), grid.size - 1)
-    most, found = rows // 2, np.zeros((2, len(some), 3))
+    most, found, outside = rows // 2, np.zeros((2, len(some), 3)), np.zeros((len(some), 2))
     for at in range(0, len(some), most):
         chosen = some[at : at + most]
         both, depth = np.zeros((2, rows, key[1], _SIZE)), np.zeros((rows, _SIZE))
@@ -82,9 +83,10 @@ def swatches(
         spectra = engine.solve(key, both, depth, ground, Stack(()), View(light=45.0, view=0.0))[:, : grid.size]
         for half in (0, 1):
             xyz = spectra[half * most : half * most + len(chosen)] @ weights
-            rgb = 255 * np.asarray(colour.xyz_to_srgb(xyz, weights.sum(axis=0)), float)
-            found[half, at : at + most] = np.round(rgb)
-    return found[0], found[1]
+            encoded = np.asarray(colour.xyz_to_srgb(xyz, weights.sum(axis=0), clip=False), float)
+            found[half, at : at + most] = np.round(255 * np.clip(encoded, 0, 1))
+            outside[at : at + most, half] = np.any((encoded < -GAMUT) | (encoded > 1 + GAMUT), axis=1)
+    return {"thick": found[0], "thin": found[1], "outside": outside}
 
 
 def by_grid(some: Mapping[str, Pigment]) -> list[dict[str, Pigment]]:

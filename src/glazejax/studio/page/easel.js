@@ -9,6 +9,7 @@ export function easelPanel(store) {
   const pen = context2d(canvas);
   const size = el("input", { type: "range", min: 2, max: 90, value: 24, "aria-label": "Size of the brush", "data-at": "brush" });
   const tool = el("select", { "aria-label": "Tool", "data-at": "tool" }, ...[["brush", "Brush: lay the coat"], ["wash", "Wash: lay it thin, soft"], ["wipe", "Wipe: take it off"]].map(([value, words]) => el("option", { value }, words)));
+  const ring = el("span.ring", { hidden: true, "aria-hidden": "true" });
   const which = el("p.under"), state = el("p.under", { "aria-live": "polite", "data-at": "easel-state" });
   const file = el("input", { type: "file", accept: ".png,.npy", hidden: true, "data-at": "map-file", onchange: () => { if (file.files[0]) load(file.files[0]); file.value = ""; } });
   const button = (words, at, call) => el("button.quiet", { type: "button", "data-at": at, onclick: call }, words);
@@ -17,7 +18,7 @@ export function easelPanel(store) {
       button("Clear this coat", "clear", () => { edit(() => new Float32Array(SIZE * SIZE)); ask(whole()); }),
       button("Even again", "even", () => even()),
       button("Load map", "load-map", () => file.click()), button("Map as PNG", "map-png", () => asPng()), button("Map as NPY", "map-npy", () => asNpy()), file),
-    which, el("div.stage", {}, canvas), state);
+    which, el("div.stage", {}, canvas, ring), state);
 
   // Colours: one question at a time; what changed meanwhile is asked next, as one box.
   let waiting = null, dirty = null, sent = 0;
@@ -171,12 +172,16 @@ export function easelPanel(store) {
     return { x: x0, y: y0, w: Math.max(0, x1 - x0), h: Math.max(0, y1 - y0) };
   }
   // By keyboard: arrows move a cross, the space bar sets the brush down.
+  canvas.onblur = () => { ring.hidden = true; };
   const cross = { x: SIZE / 2, y: SIZE / 2, force: 0.6 };
   canvas.onkeydown = (event) => {
     const step = { ArrowLeft: [-8, 0], ArrowRight: [8, 0], ArrowUp: [0, -8], ArrowDown: [0, 8] }[event.key];
     if (step) {
       cross.x = Math.max(0, Math.min(SIZE - 1, cross.x + step[0]));
       cross.y = Math.max(0, Math.min(SIZE - 1, cross.y + step[1]));
+      const scale = canvas.clientWidth / SIZE, across = 2 * Number(size.value) * scale;
+      ring.hidden = false;
+      Object.assign(ring.style, { width: `${across}px`, height: `${across}px`, left: `${canvas.offsetLeft + cross.x * scale - across / 2}px`, top: `${canvas.offsetTop + cross.y * scale - across / 2}px` });
       state.textContent = `brush at ${cross.x}, ${cross.y}; space lays paint`;
     } else if (event.key === " ") {
       edit((map) => map.slice());

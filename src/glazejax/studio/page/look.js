@@ -53,6 +53,7 @@ export function lookPanel(store) {
   } }, "Pin this colour");
   const lamps = el("div.lamps", { role: "group", "aria-label": "The same under several lamps" });
   const ladder = el("div.ladder", { role: "img" });
+  const angleTitle = el("h3", {}, "Another angle: right half");
   const ladderTitle = el("h3", {}, "Ladder of coats");
   const plot = spectrumPlot();
   const marks = el("ul.doubts");
@@ -72,7 +73,7 @@ export function lookPanel(store) {
     el("div.facts", {}, numbers, el("div.choices", {}, pin, geometry)),
     el("div.lamps-head", {}, el("h3", {}, "Lamps"), el("button.quiet", { type: "button", "data-at": "own-lamp", title: "Two columns: nm and relative power", onclick: () => lampFile.click() }, "Own lamp")), lamps,
     el("div.pair", {},
-      el("div", {}, el("h3", {}, "Another angle: right half"), el("div.tilt", {}, angle.swatch, el("div", {}, angle.light, angle.view))),
+      el("div", {}, angleTitle, el("div.tilt", {}, angle.swatch, el("div", {}, angle.light, angle.view))),
       el("div", {}, ladderTitle, ladder)),
     el("h3", {}, "Spectrum"), plot.node, marks);
 
@@ -118,13 +119,15 @@ export function lookPanel(store) {
       if (i >= seen.rgb.shape[0]) return;
       drawSwatch(figure.querySelector("canvas"), seen, i, store.stack.ground);
       const lab = seen.lab.subarray(3 * i, 3 * i + 3);
-      figure.querySelector(".lab").textContent = [...lab].map((value) => value.toFixed(0)).join(" ");
+      const beyond = (store.stack.ground === "card" ? [ROW.white, ROW.black] : [ROW.ground]).some((row) => colourAt(seen, i, row).outside);
+      figure.querySelector(".lab").textContent = [...lab].map((value) => value.toFixed(0)).join(" ") + (beyond ? " ◢" : "");
     });
     const pen = fitted(angle.swatch), { width, height } = angle.swatch;
     pen.fillStyle = colourAt(seen, 0, ROW.ground).css;
     pen.fillRect(0, 0, width / 2, height);
     pen.fillStyle = colourAt(seen, 0, ROW.angle).css;
     pen.fillRect(width / 2, 0, width, height);
+    angleTitle.textContent = `Another angle: right half${colourAt(seen, 0, ROW.angle).outside ? " ◢" : ""}`;
 
     const onCard = store.stack.ground === "card";
     const rows = onCard ? [["white", ROW.white], ["black", ROW.black]] : [["its ground", ROW.ground]];
@@ -149,7 +152,7 @@ export function lookPanel(store) {
     ladder.setAttribute("aria-label", coat ? `1 to ${store.steps.at(-1)} coats of ${store.label(coat)}` : "No coat");
     ladderTitle.textContent = coat ? `Ladder of coats: ${store.label(coat)}` : "Ladder of coats";
     ladder.replaceChildren(...store.steps.map((count, i) => {
-      const step = el("span", { title: `${count} ${count === 1 ? "coat" : "coats"}` }, el("small", {}, `${count}×`));
+      const step = el(colourAt(seen, 0, ROW.ladder + i).outside ? "span.clipped" : "span", { title: `${count} ${count === 1 ? "coat" : "coats"}` }, el("small", {}, `${count}×`));
       step.style.setProperty("--paint", colourAt(seen, 0, ROW.ladder + i).css);
       return step;
     }));

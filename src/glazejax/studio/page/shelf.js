@@ -25,16 +25,18 @@ export function shelfPanel(store) {
     search, list, about, file);
 
   function tile(entry) {
-    const [thick, thin] = store.swatches.get(entry.name) ?? [];
+    const [thick, thin, beyond = []] = store.swatches.get(entry.name) ?? [];
     const chip = el("span.chip", { "aria-hidden": "true" });
     const upper = el("span.thick"), lower = el("span.thin");
     if (thick) {
       upper.style.background = hex(thick);
       lower.style.background = hex(thin);
+      upper.classList.toggle("clipped", !!beyond[0]);
+      lower.classList.toggle("clipped", !!beyond[1]);
     }
     chip.append(upper, lower);
     const unknown = entry.unknown ? `; k and s not told apart at ${entry.unknown}` : "";
-    const words = `${entry.label}${unknown}`;
+    const words = `${entry.label}${unknown}${beyond[0] || beyond[1] ? "; the corner marks a colour outside sRGB" : ""}`;
     const tell = () => {
       about.textContent = `${entry.label}. ${entry.unknown ? `At ${entry.unknown} only k/s is known. ` : ""}${entry.provenance}`;
     };

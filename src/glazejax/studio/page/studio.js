@@ -93,7 +93,7 @@ export function mount(root, wire, { begin = null, remember = null } = {}) {
       else store.changed();
     },
     shelf(header, arrays) {
-      header.names.forEach((name, i) => store.swatches.set(name, [arrays.thick.slice(3 * i, 3 * i + 3), arrays.thin.slice(3 * i, 3 * i + 3)]));
+      header.names.forEach((name, i) => store.swatches.set(name, [arrays.thick.slice(3 * i, 3 * i + 3), arrays.thin.slice(3 * i, 3 * i + 3), arrays.outside.slice(2 * i, 2 * i + 2)]));
       store.tell("shelf");
       store.tell("swatches");
     },
