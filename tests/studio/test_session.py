@@ -88,17 +88,28 @@ def test_the_surface_is_added_where_it_is_seen(ask, geometry):
     np.testing.assert_allclose(found["spectra"][0], gj.reflectance(stack.glaze(), stack.seen_by), atol=3e-5)
 
 
-def test_the_band_is_that_of_the_paints_errors(ask):
-    """Against the spread of spectra of paints drawn as `Pigment.error_modes` says."""
-    one = {**STACK, "coats": [{"paint": {"CobaltBlue": 1}, "um": 0.3}]}
-    [(_, found)] = ask({"type": "see", "stack": one, "view": {}})
-    blue, rng = gj.catalogue.pigment("CobaltBlue"), np.random.default_rng(0)
-    modes = np.asarray(blue.error_modes)
-    z = 0.05 * rng.standard_normal((400, len(modes)))  # so near that log k and log s are straight
-    k, s = (np.asarray(c) * np.exp(z @ modes[:, i]) for i, c in enumerate((blue.absorption, blue.scattering)))
-    drawn = gj.Glaze([gj.Layer(gj.Pigment("drawn", blue.wavelengths, k, s), np.full(400, 0.3e-6))], 0.93)
+@pytest.mark.parametrize(
+    ("paint", "um", "ground"),
+    [({"CobaltBlue": 1}, 0.3, 0.93), ({"ZincWhite": 1}, 4, 0.025), ({"ZincWhite": 3, "Vermillion": 1}, 3, 0.025)],
+)
+def test_the_band_is_that_of_the_paints_errors(ask, paint, um, ground):
+    """Against the spread of spectra of paints drawn as `Pigment.error_modes` says; one z for all of a provenance."""
+    [(_, found)] = ask(
+        {"type": "see", "stack": {**STACK, "coats": [{"paint": paint, "um": um}], "ground": ground}, "view": {}}
+    )
+    z, mixed = None, np.zeros((2, 400, 31))
+    for name, part in paint.items():
+        one = gj.catalogue.pigment(name)
+        modes = np.asarray(one.error_modes)
+        # So near that log k and log s are straight.
+        z = 0.05 * np.random.default_rng(0).standard_normal((400, len(modes))) if z is None else z
+        both = np.stack([np.asarray(one.absorption), np.asarray(one.scattering)])[:, None]
+        mixed += part / sum(paint.values()) * both * np.exp(z @ modes.swapaxes(0, 1))
+    grid = gj.catalogue.pigment("Eosin").wavelengths
+    drawn = gj.Glaze([gj.Layer(gj.Pigment("drawn", grid, *mixed), np.full(400, um * 1e-6))], ground)
     spread = np.asarray(gj.reflectance(drawn, gj.Bidirectional(45, 0))).std(axis=0) / 0.05
     np.testing.assert_allclose(found["sd"], spread, rtol=0.15, atol=2e-4)
+    assert spread.max() > 0.002
 
 
 def test_a_paint_that_does_not_say_how_sure_it_is_has_no_band(ask):
