@@ -112,6 +112,8 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--layers": Reaches(
             "--layers Eosin:7um", lambda g: [x.medium.name for x in g["glaze"].layers], ["Eosin"], base="--out x.png"
         ),
+        "--stack": Looked("test_render.py:test_a_stack_is_written_and_drawn"),
+        "--write-stack": Looked("test_render.py:test_a_stack_is_written_and_drawn"),
         "--ground": Reaches("--ground 0.3", lambda g: float(np.mean(g["glaze"].substrate)), 0.3),
         "--substrate": Reaches("--substrate 0.3", lambda g: float(np.mean(g["glaze"].substrate)), 0.3),
         "--refractive-index": Reaches("--refractive-index 1.4", lambda g: g["glaze"].refractive_index, 1.4),
@@ -247,6 +249,11 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--json": Looked("fitting/test_cli_recipe.py:test_patches_of_a_chart"),
         "--spectra": Looked("fitting/test_cli_recipe.py:test_patches_of_a_chart"),
         "--overwrite": Reaches("--overwrite", bool, True, base="--lab 50,20,30 --csv paints.csv"),
+    },
+    "studio": {
+        "stack": Looked("studio/test_server.py:test_options_of_the_command"),
+        "--no-open": Looked("studio/test_server.py:test_options_of_the_command"),
+        "--port": Looked("studio/test_server.py:test_options_of_the_command"),
     },
     "posterior": {
         "file": Looked("fitting/test_posterior_chain.py:test_command_writes_what_it_says"),

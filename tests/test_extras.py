@@ -32,6 +32,10 @@ OPTIONAL = {
     "h5netcdf": "cube",
     "tifffile": "cube",
     "PIL": "cube",
+    "starlette": "studio",
+    "uvicorn": "studio",
+    "websockets": "studio",
+    "anywidget": "studio",
 }
 
 _BLOCK = f"""

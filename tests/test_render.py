@@ -158,6 +158,31 @@ def test_mixtures_repeats_and_the_ladder(run, tmp_path, pigments_csv):
     assert out.count("40  #") == 1
 
 
+def test_a_stack_is_written_and_drawn(run, tmp_path):
+    """The studio's file: what one run wrote the next one draws, own paints included."""
+    options = ("--ground", "0.5", "--geometry", "d:8", "--refractive-index", "1.4")
+    status, _, _ = run(
+        "--layers", "Red:3um x2, 0.7*ZincWhite+0.3*DeepBlue:1um", *options, "--write-stack", "stack.json"
+    )
+    assert status == 2  # on other wavelengths than the catalogue's: no mixture of the two
+    status, first, _ = run("--layers", "Red:3um x2, DeepBlue:1um", *options, "--write-stack", "stack.json")
+    assert status == 0
+    stack = glazejax.read_stack(tmp_path / "stack.json")
+    assert [(coat.name, coat.thickness) for coat in stack.coats] == [("Red", 6e-6), ("DeepBlue", 1e-6)]
+    assert (stack.ground, stack.geometry, stack.refractive_index) == (0.5, "d:8", 1.4)
+    status, second, _ = run("--stack", "stack.json", "--overwrite", pigments=None)
+    assert status == 0
+    # The ladder's coat is another: the two equal coats are one in the file.
+    colours = [re.findall(r"#[0-9a-f]{6}", out)[0] for out in (first, second)]
+    assert colours[0] == colours[1]
+    status, third, _ = run("--stack", "stack.json", "--ground", "0.1", "--overwrite", pigments=None)
+    assert re.findall(r"#[0-9a-f]{6}", third)[0] != colours[0]
+    assert run("--stack", "stack.json", "--layers", "Red:1um")[2].startswith("error: --stack stack.json says what")
+    status, _, err = run("--stack", "stack.json", "--write-stack", "stack.json", "--overwrite")
+    assert status == 2
+    assert "a file that is read" in err
+
+
 def test_warnings_and_sources(run):
     _, out, _ = run(*STACK)
     assert re.search(r"warning: Red at 620-700 nm: measurements fix only k/s", out)

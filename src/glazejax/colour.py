@@ -140,8 +140,39 @@ def colour_weights(
 @lru_cache(maxsize=128)
 def _weights(grid: tuple[float, ...], illuminant: str, observer: str) -> Float[np.ndarray, "bands 3"]:
     """Weights for full names; see `colour_weights`."""
-    bands = np.asarray(grid)
-    fine, products = _illuminated_observer(illuminant, observer)
+    return _on_bands(np.asarray(grid), *_illuminated_observer(illuminant, observer))
+
+
+def lamp_weights(
+    wavelengths: Grid, lamp_wavelengths: Grid, power: Numbers, observer: str | int = CIE_1931
+) -> Float[np.ndarray, "bands 3"]:
+    """As `colour_weights`, for a lamp of one's own.
+
+    Args:
+        wavelengths: (bands,), nm.
+        lamp_wavelengths: (lamp,), nm; linear between them, and the ends repeated outwards.
+        power: (lamp,), relative power, not negative.
+        observer: full name, or 2, 10, 1931, 1964.
+
+    Raises:
+        ValueError: as `colour_weights`, or a lamp that does not cover 420 to 680 nm or gives no light there.
+    """
+    lamp, values = validate_wavelengths(lamp_wavelengths), np.asarray(power, float)
+    if values.shape != lamp.shape or not np.all(np.isfinite(values)) or values.min() < 0:
+        raise ValueError("a lamp needs one power for each wavelength, each a finite number from 0 on")
+    if lamp[0] > 420 or lamp[-1] < 680:
+        raise ValueError(f"the lamp is known at {describe_grid(lamp)}; a colour needs 420 to 680 nm of it at least")
+    # What lies outside the visible lights nothing.
+    if not values[(lamp >= 420) & (lamp <= 680)].max(initial=0.0) > 0:
+        raise ValueError("the lamp gives no light between 420 and 680 nm")
+    grid = validate_wavelengths(wavelengths)
+    return _on_bands(grid, *_lit_observer(lamp, values, find_observer(observer)))
+
+
+def _on_bands(
+    bands: Float[np.ndarray, "bands"], fine: Float[np.ndarray, "fine"], products: Float[np.ndarray, "fine 3"]
+) -> Float[np.ndarray, "bands 3"]:
+    """Weights of bands, read-only."""
     beyond = (fine < bands[0]) | (fine > bands[-1])
     guessed = float((np.abs(products[beyond]).sum(axis=0) / np.abs(products).sum(axis=0)).max())
     if guessed > _MAX_GUESSED:
@@ -166,12 +197,19 @@ def _illuminated_observer(
     illuminant: str, observer: str
 ) -> tuple[Float[np.ndarray, "fine"], Float[np.ndarray, "fine 3"]]:
     """Illuminant times colour matching functions at 1 nm, scaled so that the y column sums to 1."""
+    lamp = illuminants()[illuminant]
+    return _lit_observer(lamp.wavelengths, lamp.values, observer)
+
+
+def _lit_observer(
+    wavelengths: Float[np.ndarray, "lamp"], values: Float[np.ndarray, "lamp"], observer: str
+) -> tuple[Float[np.ndarray, "fine"], Float[np.ndarray, "fine 3"]]:
+    """As `_illuminated_observer`, for a lamp's power."""
     curves = observers()[observer]
     inside = (curves[0].wavelengths >= _START) & (curves[0].wavelengths <= _END)
     fine = curves[0].wavelengths[inside]
-    lamp = illuminants()[illuminant]
     # Linear between a lamp's bands, and its end bands repeated outwards.
-    power = np.interp(fine, lamp.wavelengths, lamp.values)
+    power = np.interp(fine, wavelengths, values)
     products = np.stack([curve.values[inside] for curve in curves], axis=1) * power[:, None]
     return fine, products / products[:, 1].sum()
 

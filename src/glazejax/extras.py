@@ -22,6 +22,11 @@ _EXTRAS = {
     "h5netcdf": ("h5netcdf", "cube"),
     "tifffile": ("tifffile", "cube"),
     "PIL": ("pillow", "cube"),
+    "starlette": ("starlette", "studio"),
+    "uvicorn": ("uvicorn", "studio"),
+    "websockets": ("websockets", "studio"),
+    "anywidget": ("anywidget", "studio"),
+    "selenium": ("selenium", "test"),
     "mitsuba": ("mitsuba", "benchmark"),
 }
 

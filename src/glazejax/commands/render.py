@@ -15,9 +15,10 @@ if TYPE_CHECKING:
 
     from ..paint.describe import Coat
     from ..paint.media import Mixture, Pigment
+    from ..stacks import Stack
 
 
-_GEOMETRY, _GROUND = "0:0", "0.9"
+_GEOMETRY, _GROUND, _INDEX = "0:0", "0.9", 1.5
 
 
 def register(app: typer.Typer) -> None:
@@ -35,8 +36,24 @@ def render(
             show_default=False,
         ),
     ] = None,
+    stack: Annotated[
+        Path | None,
+        typer.Option(
+            "--stack",
+            metavar="FILE",
+            help="Coats, ground, index and geometry of a stack that `glazejax studio` or --write-stack wrote, in place "
+            "of --layers. --ground, --geometry and --refractive-index count before it.",
+            show_default=False,
+        ),
+    ] = None,
+    write_stack: Annotated[
+        Path | None,
+        typer.Option(
+            "--write-stack", metavar="FILE", help="Also write the stack as JSON, for the studio.", show_default=False
+        ),
+    ] = None,
     ground: Annotated[str | None, options.ground_option(_GROUND)] = None,
-    refractive_index: options.RefractiveIndex = 1.5,
+    refractive_index: options.RefractiveIndex = _INDEX,
     geometry: Annotated[str | None, options.geometry_option(_GEOMETRY)] = None,
     illuminant: options.Illuminant = "D65",
     observer: options.Observer = "2",
@@ -82,7 +99,9 @@ def render(
     if list_pigments:
         _list(console, _shelf(pigments, catalogue))
         return
-    if layers is None:
+    if layers is not None and stack is not None:
+        raise ValueError(f"--stack {stack} says what the layers are: leave out --layers")
+    if layers is None and stack is None:
         raise ValueError(
             'give the layers, such as --layers "UltramarineBlue:12um,Vermillion:12um"; --list shows the pigments'
         )
@@ -90,8 +109,12 @@ def render(
     from ..paint.describe import format_length, make_media, name_paints, parse_layers
 
     # Everything that can be wrong is looked at before anything is computed.
-    coats = parse_layers(layers)
-    options.check_outputs({"--out": out, "--csv": csv}, overwrite)
+    given = None if stack is None else _read_stack(stack)
+    coats = given.shown if given is not None else parse_layers(layers or "")
+    options.check_outputs({"--out": out, "--csv": csv, "--write-stack": write_stack}, overwrite, inputs=[stack])
+    if given is not None:
+        geometry = given.geometry if geometry is None else geometry
+        refractive_index = given.refractive_index if refractive_index == _INDEX else refractive_index
     seen_by = options.read_geometry(
         geometry,
         _GEOMETRY,
@@ -104,9 +127,14 @@ def render(
 
     illuminant, observer = find_illuminant(illuminant), find_observer(observer)
     shelf = _shelf(pigments, catalogue, [name for coat in coats for _, name in coat.parts])
+    if given is not None:
+        from ..stacks import paints
+
+        shelf = {**shelf, **paints(given)}
     coats = name_paints(coats, shelf)
     repeated = _repeated(coats, ladder)
-    bed = _lay(_read_ground(ground, substrate), make_media(coats, shelf))
+    below = _ground_of(given) if given is not None and ground is None and substrate is None else None
+    bed = _lay(below or _read_ground(ground, substrate), make_media(coats, shelf))
 
     from ..paint.media import Glaze, Layer
     from . import render_report as report
@@ -148,6 +176,8 @@ def render(
         )
         # Files first: a pager that closes early must not lose them.
         figure.savefig(out, dpi=100)
+    if write_stack is not None:
+        _write_stack(write_stack, coats, bed, shelf, refractive_index, seen_by.notation, overwrite)
     if csv is not None:
         _write_table(csv, rendering, coats, overwrite)
 
@@ -161,10 +191,55 @@ def render(
     if rendering.ladder.capped:
         remarks.append(("note", "coats of the ladder that reach 10 mm are shown at 10 mm"))
     report.print_remarks(console, remarks)
-    files = str(out) if csv is None else f"{out} and {csv}"
+    files = " and ".join(str(path) for path in (out, csv, write_stack) if path is not None)
     total = time.perf_counter() - started
     console.print()
     console.print(f"wrote {files} in {total:.1f} s ({solved:.1f} s of it computing spectra)", markup=False)
+
+
+def _read_stack(path: Path) -> "Stack":
+    """A stack to draw, which shows a coat at least."""
+    from ..stacks import read_stack
+
+    found = read_stack(path)
+    if not found.shown:
+        raise ValueError(f"--stack {path} shows no coat: add one, or show one that is hidden")
+    return found
+
+
+def _ground_of(stack: "Stack") -> options.Ground:
+    """The ground of a stack; of a card the white half."""
+    from ..stacks import Spectrum
+
+    level = stack.level()
+    if isinstance(level, Spectrum):
+        return options.Ground(level.wavelengths, level.reflectance, f"a spectrum, mean {level.reflectance.mean():.2f}")
+    notes = ("the stack lies on a card of white and black: drawn over white",) if stack.ground == "card" else ()
+    return options.Ground(None, level, f"reflectance {level:g}", notes)
+
+
+def _write_stack(
+    path: Path,
+    coats: "Sequence[Coat]",
+    bed: "_Bed",
+    shelf: "Mapping[str, Pigment]",
+    index: float,
+    geometry: str,
+    overwrite: bool,
+) -> None:
+    """Write the stack as JSON; paints that are in no catalogue go along."""
+    from ..stacks import Spectrum, Stack, all_paints, write_stack
+
+    known = all_paints()
+    ground = bed.reflectance
+    if not isinstance(ground, float):
+        ground = Spectrum(bed.media[0].wavelengths, ground)
+    named = {name: shelf[name] for coat in coats for _, name in coat.parts}
+    # One of another catalogue, or one's own: the same name in the studio would be another paint.
+    own = {
+        name: paint for name, paint in named.items() if name not in known or known[name].provenance != paint.provenance
+    }
+    write_stack(path, Stack(tuple(coats), (), ground, index, geometry, own), overwrite=overwrite)
 
 
 def _repeated(coats: "Sequence[Coat]", ladder: str | None) -> int:

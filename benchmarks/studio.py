@@ -1,0 +1,208 @@
+"""How quickly the glaze studio answers, in a Chromium: from a slider's event to new pixels, and what the solver takes.
+
+    python -m benchmarks.studio [--out FOLDER]
+
+The server is a process of its own, as `glazejax studio` starts it; the page runs in a Chromium without a window
+(Debian: chromium, chromium-driver), driven by Selenium. The first start compiles everything into an empty cache, the
+second finds it there. A slider then moves a hundred times for one, three and eight coats of oils, 31 bands, four lamps,
+ladder and 90 % band included; a time ends when the swatch is drawn, and again with the screen's next frame. The canvas
+is 512 x 512 pixels, two coats brushed on a card.
+"""
+
+import argparse
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+
+from benchmarks.results import Results, add_option
+from benchmarks.timing import environment
+
+COATS = ("CobaltBlue", "ZincWhite", "Vermillion", "ChromeYellow", "Eosin", "ViridianGreen", "LeadWhite", "Minium")
+EVENTS = 100
+_READY = 900
+# The command itself, also where it has not been installed anew.
+_START = "import typer; from glazejax.studio.command import register; a = typer.Typer(); register(a); a(['--no-open'])"
+
+# Moves the first slider up and down; each time ends when the swatch has been drawn, and with the next frame.
+_SLIDE = """
+const [events, done] = arguments;
+const root = document.querySelector("#studio"), slider = document.querySelector("[data-at=slider]");
+const times = [];
+let n = 0, start = 0;
+const next = () => {
+  // A change that was answered twice must not go on afterwards.
+  if (n >= events) { watch.disconnect(); done(times); return; }
+  n++;
+  start = performance.now();
+  slider.value = -0.5 + 1.5 * ((n * 0.381966) % 1);
+  slider.dispatchEvent(new Event("input", {bubbles: true}));
+};
+const watch = new MutationObserver(() => {
+  const drawn = performance.now() - start, server = Number(root.dataset.ms);
+  requestAnimationFrame(() => { times.push([drawn, performance.now() - start, server]); setTimeout(next, 30); });
+});
+watch.observe(root, {attributes: true, attributeFilter: ["data-seen"]});
+next();
+"""
+# A touch of the brush at another place each time, until the colours of its box are there.
+_BRUSH = """
+const [events, done] = arguments;
+const canvas = document.querySelector("[data-at=easel]"), box = canvas.getBoundingClientRect();
+const times = [];
+let n = 0, start = 0;
+const at = (type, i) => canvas.dispatchEvent(new PointerEvent(type, {bubbles: true, pointerId: 1, isPrimary: true,
+  clientX: box.left + box.width * (0.2 + 0.6 * ((i * 0.618) % 1)),
+  clientY: box.top + box.height * (0.2 + 0.6 * ((i * 0.414) % 1))}));
+const next = () => {
+  // A change that was answered twice must not go on afterwards.
+  if (n >= events) { watch.disconnect(); done(times); return; }
+  n++;
+  start = performance.now();
+  at("pointerdown", n);
+  at("pointerup", n);
+};
+const watch = new MutationObserver(() => {
+  times.push([performance.now() - start, Number(canvas.dataset.ms)]);
+  setTimeout(next, 30);
+});
+watch.observe(canvas, {attributes: true, attributeFilter: ["data-done"]});
+next();
+"""
+
+
+def stack(count: int) -> dict[str, Any]:
+    """Thin coats of oils, all of which light passes."""
+    coats = [{"paint": {name: 1}, "um": 0.3 + 0.2 * i} for i, name in enumerate(COATS[:count])]
+    return {"glazejax": "stack", "coats": coats, "ground": "card", "geometry": "45:0"}
+
+
+class Server:
+    """`glazejax studio --no-open` with a cache of its own."""
+
+    def __init__(self, cache: Path):
+        began = time.perf_counter()
+        environment = os.environ | {"GLAZEJAX_CACHE": str(cache)}
+        command = [sys.executable, "-c", _START]
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
+        assert self.process.stdout is not None
+        self.link = self.process.stdout.readline().split(" at ")[1].strip()
+        self.seconds = time.perf_counter() - began
+
+    def stop(self) -> None:
+        """End it as Ctrl-C does."""
+        self.process.send_signal(signal.SIGINT)
+        self.process.wait(60)
+
+
+def start_browser() -> Any:
+    """A Chromium without a window."""
+    from selenium import webdriver
+
+    options = webdriver.ChromeOptions()
+    options.binary_location = shutil.which("chromium") or ""
+    for word in (
+        "--headless=new",
+        "--no-sandbox",
+        "--disable-dev-shm-usage",
+        "--disable-gpu",
+        "--window-size=1440,900",
+    ):
+        options.add_argument(word)
+    found = webdriver.Chrome(options=options, service=webdriver.ChromeService(shutil.which("chromedriver") or ""))
+    found.set_script_timeout(_READY)
+    return found
+
+
+def open_page(browser: Any, link: str, given: dict[str, Any]) -> float:
+    """Seconds until the stack of a link is seen and every change is answered."""
+    browser.get("about:blank")
+    began = time.perf_counter()
+    browser.get(f"{link}#{quote(json.dumps(given))}")
+    code = "const s = document.querySelector('#studio')?.dataset; return s?.seen && s.busy === ''"
+    while not browser.execute_script(code):
+        if time.perf_counter() - began > _READY:
+            raise TimeoutError("the page saw nothing")
+        time.sleep(0.02)
+    return time.perf_counter() - began
+
+
+def line(name: str, values: np.ndarray) -> str:
+    return f"{name:<34} {np.median(values):8.0f} {np.percentile(values, 95):8.0f} {values.min():8.0f}"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    add_option(parser)
+    options = parser.parse_args()
+    out = Results("studio", options.out)
+    out(f"{environment()}; load of the machine at the start {os.getloadavg()[0]:.1f}")
+    browser = start_browser()
+    try:
+        with tempfile.TemporaryDirectory() as cache:
+            for name in ("first start, nothing compiled", "second start, programs kept"):
+                server = Server(Path(cache))
+                try:
+                    page = open_page(browser, server.link, stack(2))
+                    out(f"{name}: link after {server.seconds:.1f} s, page usable {page:.1f} s later")
+                    if name.startswith("second"):
+                        measure(browser, server.link, out)
+                    else:
+                        for count in (1, 3, 8):
+                            open_page(browser, server.link, stack(count))
+                finally:
+                    server.stop()
+    finally:
+        browser.quit()
+    out.save()
+
+
+def measure(browser: Any, link: str, out: Results) -> None:
+    """Sliders and brushes; everything has been compiled."""
+    out()
+    out(f"{'milliseconds':<34} {'median':>8} {'95 %':>8} {'least':>8}")
+    for count in (1, 3, 8):
+        open_page(browser, link, stack(count))
+        browser.execute_async_script(_SLIDE, 10)
+        times = np.array(browser.execute_async_script(_SLIDE, EVENTS))
+        coats = f"{count} {'coat' if count == 1 else 'coats'}"
+        out(line(f"slider to swatch drawn, {coats}", times[:, 0]))
+        out(line("  of it the server", times[:, 2]))
+        out(line("  to the screen's next frame", times[:, 1]))
+    open_page(browser, link, stack(2))
+    browser.find_element("css selector", "[data-at=tab-canvas]").click()
+    code = "return document.querySelector('[data-at=easel]').dataset.done"
+    began = time.perf_counter()
+    while not browser.execute_script(code):
+        time.sleep(0.02)
+    out(f"canvas opened, its table made: {time.perf_counter() - began:.1f} s")
+    browser.execute_async_script(_BRUSH, 5)
+    times = np.array(browser.execute_async_script(_BRUSH, EVENTS // 2))
+    out(line("touch of the brush to pixels", times[:, 0]))
+    out(line("  of it the server", times[:, 1]))
+    whole = []
+    for _ in range(10):
+        # Undo and redo ask for all 512 x 512 pixels.
+        for at in ("undo", "redo"):
+            done = browser.execute_script(code)
+            browser.execute_script(f"document.querySelector('[data-at={at}]').click()")
+            began = time.perf_counter()
+            while browser.execute_script(code) == done:
+                if time.perf_counter() - began > 60:
+                    raise TimeoutError(browser.find_element("css selector", "#studio").text)
+                time.sleep(0.005)
+            whole.append(float(browser.execute_script("return document.querySelector('[data-at=easel]').dataset.took")))
+    out(line("all 512 x 512 pixels anew", np.array(whole)))
+
+
+if __name__ == "__main__":
+    main()

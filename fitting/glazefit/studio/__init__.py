@@ -1,0 +1,1 @@
+"""What the glaze studio searches for: recipes, paints in a film, paints from films; each answers in plain JSON."""

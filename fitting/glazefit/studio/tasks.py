@@ -1,0 +1,247 @@
+"""The studio's searches: what a page asks for in plain JSON, the public function that finds it, and its answer.
+
+Each takes what is asked for and a function that takes words about the progress. `glazejax.studio.jobs` runs them in a
+process of their own, where they are registered as entry points `glazejax.studio`.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from glazejax import Pigment, colour
+from glazejax.catalogue import ASSUMED_THICKNESS
+from glazejax.io import SpectraTable
+from glazejax.spectra import resample, same_grid
+from glazejax.stacks import BLACK, WHITE, Spectrum, Stack, all_paints, pigment_to_dict, stack_from_dict
+
+Asked = Mapping[str, Any]
+Report = Callable[[str], None]
+_RECIPES, _CANDIDATES = 5, 5
+# Films recovered at once.
+_MOST_FILMS = 20
+
+
+def recipes(asked: Asked, report: Report) -> dict[str, Any]:
+    """Best five recipes for a colour of the screen or a spectrum.
+
+    Args:
+        asked: `stack`, whose ground, index and geometry count; `options` with `srgb` and `layers`, 1 or 2; or
+            `wavelengths` and `reflectance` of a spectrum.
+        report: takes words.
+
+    Raises:
+        ValueError: what `glazefit.find_recipes` refuses.
+    """
+    from ..recipe.recipe import find_recipes
+    from ..recipe.targets import spectral_target, srgb_target
+
+    stack, options = stack_from_dict(asked["stack"]), asked.get("options", {})
+    if "reflectance" in asked:
+        target = spectral_target("the spectrum", np.array(asked["wavelengths"]), np.array(asked["reflectance"]))
+    else:
+        target = srgb_target(str(options.get("srgb", "")))
+    paints = _paints(stack)
+    report(f"looking through all sets of {len(paints)} paints")
+    found = find_recipes(
+        target,
+        paints,
+        ground=_ground(stack, paints[0].wavelengths),
+        geometry=stack.seen_by,
+        refractive_index=stack.refractive_index,
+        max_layers=1 if options.get("layers") == 1 else 2,
+        count=_RECIPES,
+    )
+    listed = [
+        {
+            "words": recipe.layers,
+            "delta_e": recipe.distance,
+            "between": recipe.between_mixings,
+            "in_gamut": recipe.in_gamut,
+            "rgb": _rgb(recipe.wavelengths, recipe.reflectance),
+            "stack": _stack(asked, [_coat({n: w for w, n in c.parts}, c.total) for c in recipe.coats]),
+        }
+        for recipe in found
+    ]
+    best = found[0]
+    words = "" if best.in_gamut else f"out of reach of these paints by ΔE00 {best.gamut_distance:.1f} at least"
+    return {"target": target.name, "recipes": listed, "words": words}
+
+
+def identification(asked: Asked, report: Report) -> dict[str, Any]:
+    """Which paints are in a spectrum, or in films over a black and a white card.
+
+    Args:
+        asked: `wavelengths`, `reflectance`; `options` with `names`, and `below`, the ground of a single spectrum:
+            "opaque", "white", "black" or "ground" (the stack's); `films`, whether rows are films in fours.
+        report: takes words.
+
+    Raises:
+        ValueError: what `glazefit.identify` refuses.
+    """
+    from ..identify.identify import identify_chunks, identify_films
+    from ..identify.result import Identification
+
+    stack, options = stack_from_dict(asked["stack"]), asked.get("options", {})
+    table, paints = _table(asked), _paints(stack)
+    report(f"weighing sets of {len(paints)} paints, and none of them")
+    if options.get("films"):
+        found = identify_films(_films(table), paints, keep=_CANDIDATES)
+    else:
+        below = options.get("below", "opaque")
+        levels = {"white": WHITE, "black": BLACK, "ground": _ground(stack, table.wavelengths)}
+        if below != "opaque" and below not in levels:
+            raise ValueError(f"the film lies over {below!r}; it must be opaque, white, black or ground")
+        parts = []
+        chunks = identify_chunks(
+            table.reflectance,
+            table.wavelengths,
+            paints,
+            grounds=None if below == "opaque" else np.broadcast_to(levels[below], table.wavelengths.shape),
+            names=table.names,
+            keep=_CANDIDATES,
+        )
+        for part in chunks:
+            parts.append(part)
+            report(f"{sum(map(len, parts))} of {len(table.names)} spectra")
+        found = Identification.join(parts)
+    return {"spectra": [_identified(asked, found, row) for row in range(len(found))]}
+
+
+def _identified(asked: Asked, found: Any, row: int) -> dict[str, Any]:
+    """One spectrum's list, 'none of these' in its place."""
+    grid = found.measured.wavelengths
+    listed = []
+    for one in found.ranked(row)[:_CANDIDATES]:
+        thick = one.thickness if np.isfinite(one.thickness) else 1e-4
+        coats = []
+        for coat in range(max(one.coats) + 1):
+            mine = [i for i in range(len(one.paints)) if one.coats[i] == coat]
+            share = float(sum(one.fractions[i] for i in mine))
+            coats.append(_coat({one.paints[i]: float(one.fractions[i]) for i in mine}, thick * share))
+        sized = f"{one.thickness * 1e6:.3g} µm thick, " if np.isfinite(one.thickness) else "hides its ground, "
+        listed.append(
+            {
+                "words": one.words,
+                "fit": f"{sized}fit off by {one.rmse:.3f}",
+                "probability": float(one.probability),
+                "rgb": _rgb(grid, np.atleast_2d(one.fitted)[-1]),
+                "stack": _stack(asked, coats),
+            }
+        )
+    none = float(found.none[row])
+    listed.append({"words": "none of these paints", "fit": "", "probability": none, "rgb": None, "stack": None})
+    listed.sort(key=lambda each: -each["probability"])
+    return {"name": found.measured.names[row], "words": f"against {len(found.paints)} paints", "candidates": listed}
+
+
+def recovery(asked: Asked, report: Report) -> dict[str, Any]:
+    """Paints of measured films, rows in fours as `glazefit.read_films` has them, by their names.
+
+    Args:
+        asked: `wavelengths`, `reflectance`, and `options` with the rows' `names`.
+        report: takes words.
+
+    Raises:
+        ValueError: more films than can be waited for, or what `glazefit.recover_films` refuses.
+    """
+    from ..recover.film_by_film import recover_films
+
+    films = _films(_table(asked))
+    if len(films) > _MOST_FILMS:
+        raise ValueError(
+            f"{len(films)} films take long; the studio recovers {_MOST_FILMS} at once, `recover` any number"
+        )
+    report(f"recovering {len(films)} films")
+    found = recover_films(films)
+    origin = (
+        f"recovered in the studio from one film each, taken as {ASSUMED_THICKNESS * 1e6:g} micrometres thick: k and s "
+        "scale with its inverse"
+    )
+    taken, pigments, listed = all_paints(), {}, []
+    for row, film in enumerate(films.names):
+        paint = found.pigment(row, ASSUMED_THICKNESS, origin)
+        name = f"{film} (own)" if film in taken or "/" in film else film
+        pigments[name] = pigment_to_dict(paint)
+        told = paint.identifiable
+        unknown = "" if told is None or told.all() else f"{int((~told).sum())} of {told.size} bands"
+        listed.append({"name": name, "label": name, "group": "own", "provenance": origin, "unknown": unknown})
+    return {"pigments": pigments, "entries": listed, "words": f"films taken as {ASSUMED_THICKNESS * 1e6:g} µm thick"}
+
+
+def _paints(stack: Stack) -> list[Pigment]:
+    """The catalogue that the stack's uppermost paint is from, and own paints on the same wavelengths."""
+    shelf = all_paints()
+    first = next((name for coat in stack.shown for _, name in coat.parts if name not in stack.pigments), "")
+    group = first.partition("/")[0] if "/" in first else ""
+    chosen = {name: paint for name, paint in shelf.items() if (name.partition("/")[0] if "/" in name else "") == group}
+    grid = next(iter(chosen.values())).wavelengths
+    own = {}
+    for name, paint in stack.pigments.items():
+        covers = paint.wavelengths[0] <= grid[0] and paint.wavelengths[-1] >= grid[-1]
+        if same_grid(paint.wavelengths, grid) or covers:
+            own[name] = paint if same_grid(paint.wavelengths, grid) else paint.resample(grid)
+    return [_named(name, paint) for name, paint in {**chosen, **own}.items()]
+
+
+def _named(name: str, paint: Pigment) -> Pigment:
+    """The paint under the studio's name, which a stack is made of."""
+    if paint.name == name:
+        return paint
+    return Pigment(
+        name,
+        paint.wavelengths,
+        paint.absorption,
+        paint.scattering,
+        identifiable=paint.identifiable,
+        absorption_sd=paint.absorption_sd,
+        scattering_sd=paint.scattering_sd,
+        error_modes=paint.error_modes,
+        provenance=paint.provenance,
+    )
+
+
+def _ground(stack: Stack, grid: Float[np.ndarray, "bands"]) -> "float | Float[np.ndarray, 'bands']":
+    level = stack.level()
+    if isinstance(level, Spectrum):
+        return np.asarray(resample(level.wavelengths, level.reflectance, grid))
+    return level
+
+
+def _table(asked: Asked) -> SpectraTable:
+    """Spectra as the page sent them, checked; single precision leaves 0.4 as 0.4000000059604645."""
+    grid = np.round(np.array(asked["wavelengths"], float), 4)
+    values = np.round(np.array(asked["reflectance"], float).reshape(-1, grid.size), 7)
+    names = tuple(map(str, asked.get("options", {}).get("names", ["spectrum"])))
+    if len(names) != len(values):
+        raise ValueError(f"{len(names)} names were sent for {len(values)} spectra; drop the file again")
+    return SpectraTable(grid, names, values)
+
+
+def _films(table: SpectraTable) -> Any:
+    from ..film.films import Films
+
+    stems = list(dict.fromkeys(name.rpartition("_")[0] for name in table.names))
+    rows = [table.reflectance[[table.names.index(f"{s}_{end}") for s in stems]] for end in ("b", "w", "ob", "ow")]
+    return Films(tuple(stems), table.wavelengths, *rows)
+
+
+def _coat(parts: Mapping[str, float], thickness: float) -> dict[str, Any]:
+    weights = {name: round(float(weight), 4) for name, weight in parts.items()}
+    return {"paint": weights, "um": float(f"{min(thickness * 1e6, 1e4):.4g}")}
+
+
+def _stack(asked: Asked, coats: list[dict[str, Any]]) -> dict[str, Any]:
+    """The page's stack with other coats, and the own paints that they need."""
+    named = {name for coat in coats for name in coat["paint"]}
+    own = {name: one for name, one in asked["stack"].get("pigments", {}).items() if name in named}
+    kept = {key: asked["stack"][key] for key in ("ground", "refractive_index", "geometry") if key in asked["stack"]}
+    return {"glazejax": "stack", "version": 1, **kept, "coats": coats} | ({"pigments": own} if own else {})
+
+
+def _rgb(grid: Float[np.ndarray, "bands"], reflectance: Float[np.ndarray, "bands"]) -> list[int] | None:
+    try:
+        return [int(v) for v in np.round(255 * np.asarray(colour.srgb(grid, np.asarray(reflectance, float)), float))]
+    except ValueError:  # The bands give no colour.
+        return None

@@ -1,0 +1,348 @@
+"""A stack of coats as a small JSON file: what the studio, `glazejax render` and Python hand to one another.
+
+    {"glazejax": "stack", "version": 1, "geometry": "45:0", "refractive_index": 1.5, "ground": "card",
+     "coats": [{"paint": {"CobaltBlue": 1}, "um": 2}, {"paint": {"ZincWhite": 9, "Eosin": 1}, "um": 20}]}
+
+Coats are top first. `paint` holds parts by weight, which need not sum to 1; `um` is the thickness in micrometres; a
+coat with `"hidden": true` is kept and not counted. The ground is a number (its reflectance as seen from inside the
+paint), "white", "black", "card" (half of it white, half black), ``{"wavelengths": [...], "reflectance": [...]}``, or
+``{"paint": {...}}``: a coat so thick that it hides whatever is below. Paints are the oils by their names and the
+acrylics as ``acrylics/NAME``; `pigments` brings own ones: ``{"Mine": {"wavelengths": [...], "absorption": [...],
+"scattering": [...]}}``, nm and 1/m.
+"""
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Literal, NamedTuple, TypeAlias
+
+import numpy as np
+from jaxtyping import Float
+
+from . import catalogue
+from .geometry import Geometry, parse_geometry
+from .io.outputs import check_output
+from .io.source import opened
+from .paint.describe import Coat, find_name, make_media, name_paints
+from .paint.media import MAX_THICKNESS, Glaze, Layer, Mixture, Pigment
+from .spectra import describe_grid, resample, same_grid, validate_wavelengths
+
+WHITE, BLACK = 0.93, 0.025
+"""Internal reflectance of a usual white and black card: they read 84 % and 6 % bare."""
+MOST_PARTS = 4
+"""Paints in one coat, at most."""
+MOST_COATS = 100
+_MOST_BYTES = 1 << 20
+_MOST_BANDS = 1000
+_KEYS = {"glazejax", "version", "coats", "ground", "refractive_index", "geometry", "pigments"}
+
+
+class Spectrum(NamedTuple):
+    """A measured ground: (bands,), nm, and (bands,), its reflectance as seen from inside the paint."""
+
+    wavelengths: Float[np.ndarray, "bands"]
+    reflectance: Float[np.ndarray, "bands"]
+
+
+class Hiding(NamedTuple):
+    """A ground of paint that hides: (weight, name) of its parts; the weights sum to 1."""
+
+    parts: tuple[tuple[float, str], ...]
+
+
+Ground: TypeAlias = "float | Literal['white', 'black', 'card'] | Spectrum | Hiding"
+
+
+@dataclass(frozen=True)
+class Stack:
+    """Coats on a ground, as one file or link holds them.
+
+    Attributes:
+        coats: top first; those that are hidden are among them.
+        hidden: one for each coat.
+        ground: see the module.
+        refractive_index: of all coats.
+        geometry: words of `glazejax.geometry.parse_geometry`.
+        pigments: own paints by name.
+    """
+
+    coats: tuple[Coat, ...]
+    hidden: tuple[bool, ...] = ()
+    ground: Ground = "card"
+    refractive_index: float = 1.5
+    geometry: str = "45:0"
+    pigments: Mapping[str, Pigment] = field(default_factory=lambda: MappingProxyType({}))
+
+    def __post_init__(self) -> None:
+        if not self.hidden:
+            object.__setattr__(self, "hidden", (False,) * len(self.coats))
+
+    @property
+    def shown(self) -> tuple[Coat, ...]:
+        """Coats that count, top first; where the ground is a coat that hides, it is the last."""
+        coats = tuple(coat for coat, hidden in zip(self.coats, self.hidden, strict=True) if not hidden)
+        return (*coats, Coat(self.ground.parts, MAX_THICKNESS, 1)) if isinstance(self.ground, Hiding) else coats
+
+    @property
+    def seen_by(self) -> Geometry:
+        """The instrument's geometry."""
+        return parse_geometry(self.geometry)
+
+    def level(self, side: str = "white") -> "float | Spectrum":
+        """Reflectance of the ground; of a card, that of its white or black side."""
+        if isinstance(self.ground, float | Spectrum):
+            return self.ground
+        if isinstance(self.ground, Hiding):
+            return 0.5
+        return {"white": WHITE, "black": BLACK}[side if self.ground == "card" else self.ground]
+
+    def media(self) -> list[Pigment | Mixture]:
+        """What each of the `shown` coats is made of, all on the wavelengths that all of them share.
+
+        Raises:
+            ValueError: a paint that there is not, or paints and ground without common wavelengths.
+        """
+        shelf = paints(self)
+        grid = common_grid(self, shelf)
+        coats = name_paints(self.shown, shelf)
+        used = {name: shelf[name] for coat in coats for _, name in coat.parts}
+        same = {name: p if same_grid(p.wavelengths, grid) else p.resample(grid) for name, p in used.items()}
+        return make_media(coats, same)
+
+    def glaze(self, side: str = "white") -> Glaze:
+        """The stack for `glazejax.reflectance`.
+
+        Args:
+            side: of a card, "white" or "black".
+
+        Raises:
+            ValueError: as `media`, or no coat is shown.
+        """
+        media = self.media()
+        if not media:
+            raise ValueError("the stack shows no coat: add one, or show one that is hidden")
+        grid, ground = media[0].wavelengths, self.level(side)
+        if isinstance(ground, Spectrum):
+            ground = np.asarray(resample(ground.wavelengths, ground.reflectance, grid))
+        layers = [Layer(medium, coat.total) for medium, coat in zip(media, self.shown, strict=True)]
+        return Glaze(layers, ground, self.refractive_index)
+
+
+@lru_cache(maxsize=1)
+def all_paints() -> Mapping[str, Pigment]:
+    """Every paint of every catalogue: the oils by name, others as ``CATALOGUE/NAME``."""
+    first, *others = catalogue.names()
+    shelf = dict(catalogue.load(first))
+    for other in others:
+        shelf |= {f"{other}/{name}": paint for name, paint in catalogue.load(other).items()}
+    return MappingProxyType(shelf)
+
+
+def paints(stack: Stack) -> Mapping[str, Pigment]:
+    """Paints that a stack may name: its own, then those of the catalogues."""
+    return {**all_paints(), **stack.pigments}
+
+
+def common_grid(stack: Stack, shelf: Mapping[str, Pigment]) -> Float[np.ndarray, "bands"]:
+    """Wavelengths of the uppermost coat, nm, as far as all paints and the ground reach; of the oils without a coat.
+
+    Raises:
+        ValueError: they share none, or a paint is not known.
+    """
+    grids = [shelf[find_name(name, shelf)].wavelengths for coat in stack.shown for _, name in coat.parts]
+    grids = grids or [next(iter(shelf.values())).wavelengths]
+    if isinstance(stack.ground, Spectrum):
+        grids.append(stack.ground.wavelengths)
+    low, high = max(grid[0] for grid in grids), min(grid[-1] for grid in grids)
+    grid = grids[0][(grids[0] >= low - 1e-6) & (grids[0] <= high + 1e-6)]
+    if grid.size == 0:
+        raise ValueError("the paints and the ground share no wavelengths: " + "; ".join(map(describe_grid, grids)))
+    return grid
+
+
+def read_stack(path: str | Path) -> Stack:
+    """Read a stack; see the module for the form.
+
+    Raises:
+        FileNotFoundError: no such file.
+        ValueError: not such a file; the message says where and what would mend it.
+    """
+    with opened(path) as source:
+        try:
+            return parse_stack(source.text(most=_MOST_BYTES, fallback=None))
+        except ValueError as error:
+            raise error if str(error).startswith(str(path)) else ValueError(f"{path}: {error}") from None
+
+
+def write_stack(path: str | Path, stack: Stack, *, overwrite: bool = False) -> Path:
+    """Write a stack as JSON.
+
+    Raises:
+        FileExistsError, FileNotFoundError, IsADirectoryError: see `glazejax.io.outputs.check_output`.
+    """
+    path = check_output(path, overwrite=overwrite, switch="overwrite=True")
+    path.write_text(json.dumps(stack_to_dict(stack), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    return path
+
+
+def parse_stack(text: str) -> Stack:
+    """The stack of a JSON text.
+
+    Raises:
+        ValueError: no JSON, or none of a stack; the message names the value and the fix.
+    """
+    try:
+        return stack_from_dict(json.loads(text))
+    except (json.JSONDecodeError, RecursionError) as error:
+        raise ValueError(f"not the JSON of a stack ({error}); the studio writes such files") from None
+
+
+def stack_from_dict(given: Any) -> Stack:
+    """The stack of what `json.loads` gives, checked whole.
+
+    Raises:
+        ValueError: something is missing, unknown or out of range; the message names the value and the fix.
+    """
+    if not isinstance(given, dict) or given.get("glazejax") != "stack":
+        raise ValueError('this is no stack: it must be an object with "glazejax": "stack" and "coats"')
+    if given.get("version", 1) != 1:
+        raise ValueError(f"the stack is of version {given['version']!r}, and this glazejax reads version 1: update it")
+    if unknown := set(given) - _KEYS:
+        raise ValueError(f"a stack has no {sorted(unknown)[0]!r}; it has {', '.join(sorted(_KEYS))}")
+    listed = given.get("coats", [])
+    if not isinstance(listed, list) or len(listed) > MOST_COATS:
+        raise ValueError(f'"coats" must be a list of {MOST_COATS} coats at most')
+    own = _own(given.get("pigments", {}))
+    shelf = {**all_paints(), **own}
+    coats = tuple(_coat(i, coat, shelf) for i, coat in enumerate(listed, 1))
+    index = _number("refractive_index", given.get("refractive_index", 1.5), 1.0, 2.5)
+    geometry = given.get("geometry", "45:0")
+    if not isinstance(geometry, str):
+        raise ValueError(f"geometry is {geometry!r}; write words such as 45:0 or d:8")
+    parse_geometry(geometry)
+    hidden = tuple(coat.get("hidden") is True for coat in listed)
+    return Stack(coats, hidden, _ground(given.get("ground", "card"), shelf), index, geometry, MappingProxyType(own))
+
+
+def _coat(number: int, given: Any, shelf: Mapping[str, Pigment]) -> Coat:
+    where = f"coat {number}"
+    if not isinstance(given, dict) or not {"paint", "um"} <= set(given):
+        raise ValueError(f'{where} must have "paint" and "um", such as {{"paint": {{"CobaltBlue": 1}}, "um": 12}}')
+    thickest = MAX_THICKNESS * 1e6
+    if (um := _real(given["um"])) is None or not 0 <= um <= thickest:
+        raise ValueError(f"{where} is {given['um']} micrometres thick; it must be between 0 and {thickest:g}")
+    return Coat(_parts(where, given["paint"], shelf), um / 1e6, 1)
+
+
+def _parts(where: str, given: Any, shelf: Mapping[str, Pigment]) -> tuple[tuple[float, str], ...]:
+    if not isinstance(given, dict) or not 1 <= len(given) <= MOST_PARTS:
+        raise ValueError(f"{where} must be of 1 to {MOST_PARTS} paints with their parts by weight")
+    weights = {}
+    for name, value in given.items():
+        if (weight := _real(value)) is None or not 0 <= weight <= 1e9:
+            raise ValueError(f"{where}: the part of {name} is {value}; it must be a number from 0 on")
+        try:
+            weights[find_name(name, shelf)] = weight
+        except ValueError as error:
+            words = str(error).replace("--list shows", "`glazejax render --list` shows")
+            raise ValueError(f"{where}: {words}") from None
+    total = sum(weights.values())
+    if total <= 0:
+        raise ValueError(f"{where}: all parts are 0; give one of its paints some weight")
+    return tuple((weight / total, name) for name, weight in weights.items())
+
+
+def _ground(given: Any, shelf: Mapping[str, Pigment]) -> Ground:
+    if given in ("white", "black", "card"):
+        return given
+    if isinstance(given, dict) and "paint" in given:
+        return Hiding(_parts("the ground", given["paint"], shelf))
+    if isinstance(given, dict):
+        grid, values = (_curve(f"{key} of the ground", given.get(key)) for key in ("wavelengths", "reflectance"))
+        grid = validate_wavelengths(grid)
+        if values.shape != grid.shape or values.min() < 0 or values.max() > 1:
+            raise ValueError("the ground needs one reflectance from 0 to 1 for each wavelength")
+        return Spectrum(grid, values)
+    if isinstance(given, str):
+        raise ValueError(f"the ground is {given!r}; write a number from 0 to 1, white, black or card")
+    return _number("the ground", given, 0.0, 1.0)
+
+
+def _own(given: Any) -> dict[str, Pigment]:
+    if not isinstance(given, dict) or len(given) > MOST_COATS:
+        raise ValueError(f'"pigments" must be {MOST_COATS} own paints at most, by name')
+    return {name: pigment_from_dict(name, columns) for name, columns in given.items()}
+
+
+def pigment_from_dict(name: str, given: Any) -> Pigment:
+    """One own paint of a stack.
+
+    Raises:
+        ValueError: a column is missing or holds what is no coefficient.
+    """
+    if not isinstance(given, dict) or not {"wavelengths", "absorption", "scattering"} <= set(given):
+        raise ValueError(f"paint {name!r} must have wavelengths (nm), absorption and scattering (1/m)")
+    columns = [_curve(f"{key} of {name!r}", given[key]) for key in ("wavelengths", "absorption", "scattering")]
+    more = {key: _curve(f"{key} of {name!r}", given[key]) for key in ("absorption_sd", "scattering_sd") if key in given}
+    known = given.get("identifiable")
+    return Pigment(
+        name,
+        *columns,
+        **more,
+        identifiable=None if known is None else np.asarray(known, bool),
+        provenance=str(given.get("provenance", ""))[:2000],
+    )
+
+
+def pigment_to_dict(paint: Pigment) -> dict[str, Any]:
+    """A paint as a stack brings it; `pigment_from_dict` reads it. Error modes are not in it."""
+    found: dict[str, Any] = {"wavelengths": [*map(float, paint.wavelengths)]}
+    for key in ("absorption", "scattering", "absorption_sd", "scattering_sd"):
+        values = getattr(paint, key)
+        if values is not None:
+            found[key] = [float(f"{value:.6g}") for value in np.asarray(values)]
+    if paint.identifiable is not None:
+        found["identifiable"] = [bool(known) for known in paint.identifiable]
+    return found | ({"provenance": paint.provenance} if paint.provenance else {})
+
+
+def stack_to_dict(stack: Stack) -> dict[str, Any]:
+    """What `json.dumps` takes; `stack_from_dict` reads it."""
+    coats = []
+    for coat, hidden in zip(stack.coats, stack.hidden, strict=True):
+        one: dict[str, Any] = {"paint": {name: weight for weight, name in coat.parts}, "um": _short(coat.total * 1e6)}
+        coats.append(one | ({"hidden": True} if hidden else {}))
+    ground: Any = stack.ground
+    if isinstance(ground, Spectrum):
+        ground = {key: [float(value) for value in getattr(ground, key)] for key in ground._fields}
+    elif isinstance(ground, Hiding):
+        ground = {"paint": {name: weight for weight, name in ground.parts}}
+    found = {"glazejax": "stack", "version": 1, "coats": coats, "ground": ground}
+    found |= {"refractive_index": stack.refractive_index, "geometry": stack.geometry}
+    own = {name: pigment_to_dict(paint) for name, paint in stack.pigments.items()}
+    return found | ({"pigments": own} if own else {})
+
+
+def _short(value: float) -> float:
+    """Without the digits that a change of unit leaves behind."""
+    return float(f"{value:.12g}")
+
+
+def _real(value: Any) -> float | None:
+    return float(value) if isinstance(value, int | float) and math.isfinite(value) and value is not True else None
+
+
+def _number(what: str, given: Any, low: float, high: float) -> float:
+    if (value := _real(given)) is None or not low <= value <= high:
+        raise ValueError(f"{what} is {given!r}; it must be a number between {low:g} and {high:g}")
+    return value
+
+
+def _curve(what: str, given: Any) -> Float[np.ndarray, "bands"]:
+    if not isinstance(given, list) or not 1 <= len(given) <= _MOST_BANDS or None in map(_real, given):
+        raise ValueError(f"{what} must be a list of 1 to {_MOST_BANDS} numbers")
+    return np.array(given, float)

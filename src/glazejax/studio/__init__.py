@@ -1,0 +1,22 @@
+"""The glaze studio: a local page, and a widget for notebooks, where stacks of paint are played with, live.
+
+The page is plain ES modules in `page/`. It knows no optics: `engine` answers each change with spectra and colours from
+`glazejax.reflectance`, `session` reads messages, `server` guards the door, `jobs` runs searches beside it.
+"""
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    # Made by `glazejax.studio.widget.make_widget` when it is asked for.
+    Widget: Any
+
+__all__ = ["Widget"]
+
+
+def __getattr__(name: str) -> Any:
+    """`Widget`, once it is asked for: it needs the package anywidget."""
+    if name == "Widget":
+        from .widget import make_widget
+
+        return make_widget()
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,0 +1,135 @@
+"""Searches that take long, each in a process of its own: the page stays quick, and a search can be stopped at once.
+
+What can be searched is registered as entry points `glazejax.studio`, so that this package never imports the inverse
+one: name -> ``module:function`` of (what is asked for, report) -> result, all plain JSON. A process that is done waits
+for the next search, with its programs compiled.
+"""
+
+import json
+import os
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Mapping
+from importlib.metadata import entry_points
+from typing import Any
+
+MOST = 2
+"""Searches at a time."""
+_BEAT = 0.5
+
+Tell = Callable[[dict[str, Any]], None]
+
+
+def find_tasks() -> dict[str, str]:
+    """Searches that are installed: name -> ``module:function``."""
+    return {point.name: point.value for point in entry_points(group="glazejax.studio")}
+
+
+class Jobs:
+    """Starts and stops searches.
+
+    Args:
+        tasks: name -> ``module:function``; those installed if left out.
+    """
+
+    def __init__(self, tasks: Mapping[str, str] | None = None):
+        self.tasks = dict(find_tasks() if tasks is None else tasks)
+        self._running: dict[str, subprocess.Popen[str]] = {}
+        self._idle: list[subprocess.Popen[str]] = []
+        self._took: dict[str, float] = {}
+        self._lock = threading.Lock()
+
+    def start(self, name: str, task: str, given: Mapping[str, Any], tell: Tell) -> str:
+        """Start a search; `tell` gets its progress, then its result or its error. Returns its name.
+
+        Raises:
+            ValueError: the search is not installed, or enough of them run.
+        """
+        if task not in self.tasks:
+            raise ValueError(f"{task!r} is not installed here; there are {', '.join(sorted(self.tasks)) or 'none'}")
+        with self._lock:
+            if name in self._running:
+                raise ValueError("this search runs already; stop it first")
+            if len(self._running) >= MOST:
+                raise ValueError(f"{MOST} searches run already; stop one first")
+            process = self._idle.pop() if self._idle else _process()
+            self._running[name] = process
+        threading.Thread(target=self._follow, args=(name, task, given, tell, process), daemon=True).start()
+        return name
+
+    def stop(self, name: str) -> None:
+        """End a search, if it runs."""
+        with self._lock:
+            process = self._running.pop(name, None)
+        if process is not None:
+            process.kill()
+            process.wait()
+
+    def close(self) -> None:
+        """End everything."""
+        for name in list(self._running):
+            self.stop(name)
+        with self._lock:
+            idle, self._idle = self._idle, []
+        for process in idle:
+            process.kill()
+            process.wait()
+
+    def _follow(
+        self, name: str, task: str, given: Mapping[str, Any], tell: Tell, process: subprocess.Popen[str]
+    ) -> None:
+        """Hand a search to its process, and its answers on."""
+        began, words = time.monotonic(), ["starting"]
+        done = threading.Event()
+
+        def beat() -> None:
+            while not done.wait(_BEAT):
+                told = {"seconds": time.monotonic() - began, "words": words[0], "usual": self._took.get(task)}
+                tell({"progress": told})
+
+        threading.Thread(target=beat, daemon=True).start()
+        answer: dict[str, Any] | None = None
+        try:
+            assert process.stdin is not None
+            assert process.stdout is not None
+            process.stdin.write(json.dumps({"target": self.tasks[task], "given": given}) + "\n")
+            process.stdin.flush()
+            for line in process.stdout:
+                told = json.loads(line)
+                if "words" in told:
+                    words[0] = told["words"]
+                else:
+                    answer = told
+                    break
+        except (OSError, ValueError):
+            answer = None
+        done.set()
+        with self._lock:
+            stopped = self._running.pop(name, None) is None
+            if answer is not None and not stopped and not self._idle:
+                self._idle.append(process)
+        if stopped:
+            return
+        if answer is None:
+            tell({"error": f"the search ended before it was done (exit status {process.wait()}); try it again"})
+            return
+        if "result" in answer:
+            self._took[task] = time.monotonic() - began
+        if process not in self._idle:
+            process.kill()
+        tell(answer | {"seconds": time.monotonic() - began})
+
+
+def _process() -> subprocess.Popen[str]:
+    """A process that waits for searches, importing what this one does."""
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, sys.path))}
+    return subprocess.Popen(
+        [sys.executable, "-m", "glazejax.studio.worker"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        text=True,
+        env=environment,
+    )

@@ -1,0 +1,263 @@
+// The canvas: a map of thickness for each brushed coat, brushed here, turned into colour by the server.
+import { context2d, el, save } from "./dom.js";
+import { SIZE } from "./store.js";
+
+const MOST_BRUSHED = 3;
+
+export function easelPanel(store) {
+  const canvas = el("canvas.easel", { width: SIZE, height: SIZE, tabIndex: 0, role: "img", "aria-label": "Canvas, 512 by 512; the selected coat is brushed", "data-at": "easel" });
+  const pen = context2d(canvas);
+  const size = el("input", { type: "range", min: 2, max: 90, value: 24, "aria-label": "Size of the brush", "data-at": "brush" });
+  const tool = el("select", { "aria-label": "Tool", "data-at": "tool" }, ...[["brush", "Brush: lay the coat"], ["wash", "Wash: lay it thin, soft"], ["wipe", "Wipe: take it off"]].map(([value, words]) => el("option", { value }, words)));
+  const ring = el("span.ring", { hidden: true, "aria-hidden": "true" });
+  const which = el("p.under"), state = el("p.under", { "aria-live": "polite", "data-at": "easel-state" });
+  const file = el("input", { type: "file", accept: ".png,.npy", hidden: true, "data-at": "map-file", onchange: () => { if (file.files[0]) load(file.files[0]); file.value = ""; } });
+  const button = (words, at, call) => el("button.quiet", { type: "button", "data-at": at, onclick: call }, words);
+  const panel = el("section.panel.canvas", { "aria-label": "Canvas" },
+    el("div.bar", {}, tool, el("label", {}, "Size ", size),
+      button("Clear this coat", "clear", () => { edit(() => new Float32Array(SIZE * SIZE)); ask(whole()); }),
+      button("Even again", "even", () => even()),
+      button("Load map", "load-map", () => file.click()), button("Map as PNG", "map-png", () => asPng()), button("Map as NPY", "map-npy", () => asNpy()), file),
+    which, el("div.stage", {}, canvas, ring), state);
+
+  // Colours: one question at a time; what changed meanwhile is asked next, as one box.
+  let waiting = null, dirty = null, sent = 0;
+  const whole = () => ({ x: 0, y: 0, w: SIZE, h: SIZE });
+  const join = (a, b) => {
+    if (!a) return b;
+    const x = Math.min(a.x, b.x), y = Math.min(a.y, b.y);
+    return { x, y, w: Math.max(a.x + a.w, b.x + b.w) - x, h: Math.max(a.y + a.h, b.y + b.h) - y };
+  };
+  function ask(box) {
+    if (panel.hidden) { dirty = whole(); return; }
+    dirty = join(dirty, box);
+    if (waiting !== null || !dirty) return;
+    const shown = store.shown;
+    const brushed = shown.map((coat, i) => [coat, i]).filter(([coat]) => store.maps.has(coat.id));
+    if (!shown.length) { state.textContent = "No coat is shown: add one first."; return; }
+    if (!brushed.length) brushed.push([shown[0], 0]);
+    if (brushed.length > MOST_BRUSHED) { state.textContent = `${brushed.length} coats are brushed, and ${MOST_BRUSHED} can be at once: make one even again, or hide one.`; return; }
+    const { x, y, w, h } = dirty, arrays = {}, tops = [];
+    brushed.forEach(([coat, i], n) => {
+      const map = store.maps.get(coat.id), piece = new Float32Array(w * h);
+      if (map) for (let r = 0; r < h; r++) piece.set(map.subarray((y + r) * SIZE + x, (y + r) * SIZE + x + w), r * w);
+      else piece.fill(coat.um);
+      arrays[n] = piece;
+      tops.push([i, top(coat)]);
+    });
+    if (store.stack.ground === "card") {
+      const side = new Float32Array(w * h);
+      for (let i = 0; i < w * h; i++) side[i] = x + (i % w) >= SIZE / 2 ? 1 : 0;
+      arrays.side = side;
+    }
+    const number = `canvas${++sent}`;
+    if (store.link.send({ type: "canvas", number, box: dirty, coats: tops, stack: store.plain(), view: { lamps: [store.lampOf(store.view.lamps[0])] } }, arrays)) {
+      waiting = number;
+      asked = performance.now();
+      dirty = null;
+    }
+  }
+  let asked = 0;
+  // The table's range: powers of two, so that it is seldom made anew.
+  const top = (coat) => Math.min(1000, 2 ** Math.ceil(Math.log2(Math.max(0.5, tallest(coat)))));
+  const heights = new WeakMap();
+  function tallest(coat) {
+    const map = store.maps.get(coat.id);
+    if (!map) return coat.um;
+    if (!heights.has(map)) heights.set(map, map.reduce((most, value) => Math.max(most, value), 0));
+    return heights.get(map);
+  }
+
+  store.on("painted", (header, arrays) => {
+    const { x, y, w, h } = header.box;
+    pen.putImageData(new ImageData(new Uint8ClampedArray(arrays.rgba.slice().buffer), w, h), x, y);
+    state.textContent = `colours within ΔE00 ${header.error.toFixed(2)} of the full computation${header.outside > 0.001 ? `; ◢ ${(100 * header.outside).toFixed(0)} % of what changed is outside sRGB, the nearest is shown` : ""}`;
+    canvas.dataset.ms = header.ms;
+    canvas.dataset.took = (performance.now() - asked).toFixed(1);
+    canvas.dataset.done = Number(canvas.dataset.done ?? 0) + 1;
+    waiting = null;
+    if (dirty) ask(dirty);
+  });
+  store.on("failed", (header) => {
+    if (header.about !== "canvas") return;
+    waiting = null;
+    state.textContent = header.words;
+  });
+  store.on("lost", () => { if (waiting !== null) { waiting = null; dirty = whole(); } });
+  store.on("back", () => { if (!panel.hidden) ask(whole()); });
+
+  // Brushing ----------------------------------------------------------------------------------------------------------
+  const coatNow = () => {
+    const coat = store.coat();
+    return coat && !coat.hidden ? coat : store.shown[0];
+  };
+  function mapOf(coat) {
+    return store.maps.get(coat.id) ?? new Float32Array(SIZE * SIZE).fill(0);
+  }
+  // A new map for the coat, as one step back.
+  function edit(make) {
+    const coat = coatNow();
+    if (!coat) return store.say("No coat is shown: add one to brush with.", "error");
+    store.past.push(store.snapshot());
+    store.future = [];
+    store.lastKey = null;
+    const first = !store.maps.has(coat.id);
+    store.maps = new Map(store.maps).set(coat.id, make(mapOf(coat)));
+    store.tell("history");
+    // A coat that lay evenly begins on a bare canvas.
+    if (first) ask(whole());
+  }
+  function even() {
+    const coat = coatNow();
+    if (!coat || !store.maps.has(coat.id)) return;
+    store.past.push(store.snapshot());
+    store.future = [];
+    store.maps = new Map(store.maps);
+    store.maps.delete(coat.id);
+    store.tell("history");
+    ask(whole());
+  }
+
+  let stroke = null;
+  function place(event) {
+    const box = canvas.getBoundingClientRect();
+    return { x: ((event.clientX - box.left) / box.width) * SIZE, y: ((event.clientY - box.top) / box.height) * SIZE,
+      force: event.pointerType === "pen" && event.pressure ? event.pressure : 0.6 };
+  }
+  canvas.onpointerdown = (event) => {
+    const coat = coatNow();
+    if (!coat) return store.say("No coat is shown: add one to brush with.", "error");
+    canvas.setPointerCapture?.(event.pointerId);
+    event.preventDefault();
+    edit((map) => map.slice());
+    stroke = { coat, map: store.maps.get(coat.id), at: place(event) };
+    dab(stroke.at, stroke.at);
+  };
+  canvas.onpointermove = (event) => {
+    if (!stroke) return;
+    for (const one of event.getCoalescedEvents?.().length ? event.getCoalescedEvents() : [event]) {
+      const to = place(one);
+      dab(stroke.at, to);
+      stroke.at = to;
+    }
+  };
+  const end = () => { stroke = null; };
+  canvas.onpointerup = canvas.onpointercancel = end;
+
+  function dab(from, to) {
+    const { map, coat } = stroke, radius = Number(size.value), kind = tool.value;
+    const steps = Math.max(1, Math.ceil(Math.hypot(to.x - from.x, to.y - from.y) / Math.max(1, radius / 4)));
+    let box = null;
+    for (let n = 1; n <= steps; n++) {
+      const x = from.x + ((to.x - from.x) * n) / steps, y = from.y + ((to.y - from.y) * n) / steps;
+      box = join(box, spot(map, x, y, radius, kind, to.force, coat.um));
+    }
+    heights.delete(map);
+    if (box && box.w > 0 && box.h > 0) ask(box);
+  }
+  // One touch: soft at its edge. A brush lays up to the coat's thickness, a wash a little more each time.
+  function spot(map, cx, cy, radius, kind, force, um) {
+    const x0 = Math.max(0, Math.floor(cx - radius)), x1 = Math.min(SIZE, Math.ceil(cx + radius + 1));
+    const y0 = Math.max(0, Math.floor(cy - radius)), y1 = Math.min(SIZE, Math.ceil(cy + radius + 1));
+    for (let y = y0; y < y1; y++) {
+      for (let x = x0; x < x1; x++) {
+        const far = Math.hypot(x - cx, y - cy) / radius;
+        if (far >= 1) continue;
+        const soft = kind === "wash" ? (1 - far * far) ** 2 : Math.min(1, (1 - far) * 3), at = y * SIZE + x;
+        if (kind === "wipe") map[at] *= 1 - soft * force;
+        else if (kind === "wash") map[at] = Math.min(4 * um, map[at] + 0.06 * um * soft * force);
+        else map[at] = Math.max(map[at], map[at] + (um * (force / 0.6) - map[at]) * soft * 0.8);
+      }
+    }
+    return { x: x0, y: y0, w: Math.max(0, x1 - x0), h: Math.max(0, y1 - y0) };
+  }
+  // By keyboard: arrows move a cross, the space bar sets the brush down.
+  canvas.onblur = () => { ring.hidden = true; };
+  const cross = { x: SIZE / 2, y: SIZE / 2, force: 0.6 };
+  canvas.onkeydown = (event) => {
+    const step = { ArrowLeft: [-8, 0], ArrowRight: [8, 0], ArrowUp: [0, -8], ArrowDown: [0, 8] }[event.key];
+    if (step) {
+      cross.x = Math.max(0, Math.min(SIZE - 1, cross.x + step[0]));
+      cross.y = Math.max(0, Math.min(SIZE - 1, cross.y + step[1]));
+      const scale = canvas.clientWidth / SIZE, across = 2 * Number(size.value) * scale;
+      ring.hidden = false;
+      Object.assign(ring.style, { width: `${across}px`, height: `${across}px`, left: `${canvas.offsetLeft + cross.x * scale - across / 2}px`, top: `${canvas.offsetTop + cross.y * scale - across / 2}px` });
+      state.textContent = `brush at ${cross.x}, ${cross.y}; space lays paint`;
+    } else if (event.key === " ") {
+      edit((map) => map.slice());
+      const coat = coatNow();
+      stroke = { coat, map: store.maps.get(coat.id), at: { ...cross } };
+      dab(cross, cross);
+      stroke = null;
+    } else return;
+    event.preventDefault();
+  };
+
+  // Files of thickness ------------------------------------------------------------------------------------------------
+  function asPng() {
+    const coat = coatNow();
+    if (!coat) return;
+    const map = mapOf(coat), most = Math.max(...[tallest(coat), 1e-6]);
+    const grey = el("canvas", { width: SIZE, height: SIZE }), image = new ImageData(SIZE, SIZE);
+    map.forEach((value, i) => { const level = Math.round((255 * value) / most); image.data.set([level, level, level, 255], 4 * i); });
+    grey.getContext("2d").putImageData(image, 0, 0);
+    grey.toBlob((blob) => save(`thickness ${store.label(coat)} white=${+most.toPrecision(4)}um.png`, blob, "image/png"));
+  }
+  function asNpy() {
+    const coat = coatNow();
+    if (!coat) return;
+    let head = `{'descr': '<f4', 'fortran_order': False, 'shape': (${SIZE}, ${SIZE}), }`;
+    head = head.padEnd(Math.ceil((10 + head.length + 1) / 64) * 64 - 11) + "\n";
+    const front = new Uint8Array([0x93, 78, 85, 77, 80, 89, 1, 0, head.length & 255, head.length >> 8, ...new TextEncoder().encode(head)]);
+    // Metres, as `glazejax.picture` takes them.
+    save(`thickness ${store.label(coat)}.npy`, new Blob([front, mapOf(coat).map((um) => um * 1e-6)]), "application/octet-stream");
+  }
+  async function load(given) {
+    const coat = coatNow();
+    if (!coat) return;
+    try {
+      if (given.size > 64 << 20) throw new Error("it is larger than 64 MB");
+      const found = given.name.toLowerCase().endsWith(".npy") ? fromNpy(await given.arrayBuffer()) : await fromPng(given, coat);
+      edit(() => found);
+      ask(whole());
+      store.say(`${given.name} is the thickness of ${store.label(coat)} now.`);
+    } catch (error) {
+      store.say(`${given.name} is no map of thickness: ${error.message}.`, "error");
+    }
+  }
+  async function fromPng(given, coat) {
+    const image = await createImageBitmap(given).catch(() => { throw new Error("it is no picture that this browser reads"); });
+    const grey = el("canvas", { width: SIZE, height: SIZE }), pen2 = grey.getContext("2d");
+    pen2.drawImage(image, 0, 0, SIZE, SIZE);
+    const named = /white=([\d.]+)um/.exec(given.name), most = named ? Number(named[1]) : coat.um;
+    const { data } = pen2.getImageData(0, 0, SIZE, SIZE);
+    return Float32Array.from({ length: SIZE * SIZE }, (_, i) => (((data[4 * i] + data[4 * i + 1] + data[4 * i + 2]) / 765) * most));
+  }
+  function fromNpy(buffer) {
+    const bytes = new Uint8Array(buffer);
+    if (bytes[0] !== 0x93 || String.fromCharCode(...bytes.slice(1, 6)) !== "NUMPY") throw new Error("it is no NPY file");
+    const long = bytes[6] > 1, view = new DataView(buffer), length = long ? view.getUint32(8, true) : view.getUint16(8, true), at = (long ? 12 : 10) + length;
+    const head = new TextDecoder().decode(bytes.slice(long ? 12 : 10, at));
+    const kind = /'descr': '([<|]f[48])'/.exec(head)?.[1], shape = /'shape': \((\d+), (\d+)\)/.exec(head);
+    if (!kind || !shape || head.includes("'fortran_order': True")) throw new Error("it must hold one map of float32 or float64, rows first");
+    const [rows, columns] = [Number(shape[1]), Number(shape[2])], Kind = kind.endsWith("8") ? Float64Array : Float32Array;
+    if (rows * columns * Kind.BYTES_PER_ELEMENT > buffer.byteLength - at) throw new Error("it ends too early");
+    const values = new Kind(buffer.slice(at, at + rows * columns * Kind.BYTES_PER_ELEMENT));
+    if (values.some((value) => !(value >= 0 && value <= 1e-3))) throw new Error("thickness is in metres there, between 0 and 0.001");
+    return Float32Array.from({ length: SIZE * SIZE }, (_, i) => {
+      const [row, column] = [Math.floor(((i / SIZE) | 0) * (rows / SIZE)), Math.floor((i % SIZE) * (columns / SIZE))];
+      return values[row * columns + column] * 1e6;
+    });
+  }
+
+  function show() {
+    const coat = coatNow();
+    which.textContent = coat ? `Brushing ${store.words(coat)}; choose another coat in the stack. Coats that were never brushed lie evenly.` : "No coat to brush with: add one.";
+    // A coat that was brushed keeps its map; where a slider moved, the table is another.
+    if (!panel.hidden && !stroke) ask(whole());
+  }
+  store.on("stack", show);
+  store.on("selected", () => { const coat = coatNow(); which.textContent = coat ? `Brushing ${store.words(coat)}.` : ""; });
+  store.on("tab", () => show());
+  return panel;
+}

@@ -1,0 +1,200 @@
+// The studio: one store, its panels, and what the server says.
+import { awayPanel, stackLink } from "./away.js";
+import { backwardsPanel } from "./backwards.js";
+import { coatsPanel } from "./coats.js";
+import { el } from "./dom.js";
+import { easelPanel } from "./easel.js";
+import { lookPanel } from "./look.js";
+import { shelfPanel } from "./shelf.js";
+import { Store } from "./store.js";
+
+export function mount(root, wire, { begin = null, remember = null } = {}) {
+  const store = new Store(wire);
+  store.steps = [1, 2, 3, 5, 8, 13, 21, 34];
+  store.tasks = [];
+  store.mostFile = 16 << 20;
+
+  const line = el("p.line", { role: "status", "aria-live": "polite", "data-at": "line" });
+  const state = el("span.state", { "data-at": "state" }, "connecting");
+  const panels = { look: lookPanel(store), canvas: easelPanel(store), backwards: backwardsPanel(store), away: awayPanel(store) };
+  const names = { look: "Look", canvas: "Canvas", backwards: "Backwards", away: "Take away" };
+  const tabs = el("nav.tabs", { role: "tablist", "aria-label": "Views" });
+  for (const [key, words] of Object.entries(names)) {
+    panels[key].id ||= `view-${key}-${Math.random().toString(36).slice(2, 7)}`;
+    panels[key].setAttribute("role", "tabpanel");
+    tabs.append(el("button", { type: "button", role: "tab", "data-at": `tab-${key}`, "aria-controls": panels[key].id, onclick: () => open(key), onkeydown: (event) => {
+      const step = { ArrowLeft: -1, ArrowRight: 1 }[event.key];
+      if (!step) return;
+      const all = [...tabs.children], to = all[(all.indexOf(event.currentTarget) + step + all.length) % all.length];
+      to.focus();
+      to.click();
+    } }, words));
+  }
+  function open(key) {
+    Object.entries(panels).forEach(([name, panel], i) => {
+      panel.hidden = name !== key;
+      tabs.children[i].setAttribute("aria-selected", String(name === key));
+      tabs.children[i].tabIndex = name === key ? 0 : -1;
+    });
+    store.tell("tab");
+    if (key === "look") store.tell("seen");
+  }
+  store.on("open", open);
+  root.classList.add("glaze-studio");
+  root.replaceChildren(
+    el("header.top", {}, el("h1", {}, "Glaze studio"), tabs, el("span.grow"), state),
+    line,
+    el("main.room", {}, el("div.view", {}, ...Object.values(panels)), coatsPanel(store), shelfPanel(store)));
+
+  store.on("busy", (busy) => { root.dataset.busy = busy ? "yes" : ""; });
+
+  // Sentences -----------------------------------------------------------------------------------------------------------
+  let quiet = null;
+  store.on("say", (words, kind) => {
+    clearTimeout(quiet);
+    line.textContent = words;
+    line.dataset.kind = kind;
+    line.dataset.about = "";
+    if (kind === "note") quiet = setTimeout(() => { line.textContent = ""; }, 6000);
+  });
+  const spoken = (words) => words.charAt(0).toUpperCase() + words.slice(1) + (/[.!?]$/.test(words) ? "" : ".");
+
+  // The server ----------------------------------------------------------------------------------------------------------
+  let begun = false, there = false;
+  wire.onopen = () => {
+    there = true;
+    state.textContent = "ready";
+    state.dataset.kind = "";
+    wire.send({ type: "hello" });
+    if (begun) {
+      store.say("The studio is back; nothing was lost.");
+      store.look();
+      store.tell("back");
+    }
+  };
+  wire.onlost = () => {
+    store.lost();
+    store.tell("lost");
+    state.textContent = "not connected";
+    state.dataset.kind = "error";
+    if (there || !begun) store.say("The studio does not answer; what you made is kept here, and it goes on when the studio is back. If it was closed, save the stack under Take away and start glazejax studio again.", "error");
+    there = false;
+  };
+  const answers = {
+    hello(header) {
+      for (const entry of header.paints) store.entries.set(entry.name, entry);
+      Object.assign(store, { lamps: header.lamps, steps: header.ladder, tasks: header.tasks, mostFile: header.most_file });
+      store.tell("shelf");
+      store.tell("lamps");
+      if (begun) return;
+      begun = true;
+      const given = begin?.();
+      if (given) check(given);
+      else store.changed();
+    },
+    shelf(header, arrays) {
+      header.names.forEach((name, i) => store.swatches.set(name, [arrays.thick.slice(3 * i, 3 * i + 3), arrays.thin.slice(3 * i, 3 * i + 3), arrays.outside.slice(2 * i, 2 * i + 2)]));
+      store.tell("shelf");
+      store.tell("swatches");
+    },
+    seen(header, arrays) {
+      store.seen = { ...header, ...arrays };
+      for (const key of Object.keys(arrays)) store.seen[key].shape = arrays[key].shape;
+      state.textContent = "ready";
+      // What was wrong with the last question is over with this answer.
+      if (line.dataset.about === "see") store.say("");
+      store.tell("seen");
+      root.dataset.ms = header.ms;
+      root.dataset.seen = header.number;
+      root.dataset.took = (performance.now() - store.asked).toFixed(1);
+      store.answered(header.number);
+    },
+    checked(header) {
+      store.take(header.stack);
+      store.past = [];
+      store.tell("history");
+    },
+    file(header, arrays) {
+      if (header.notes?.length) store.say(header.notes.join("; "));
+      if (header.kind === "paints") {
+        take(header);
+        store.say(`${Object.keys(header.pigments).length} paints of ${header.name} are on the shelf.`);
+      } else store.tell("spectra", header, arrays);
+    },
+    lamp: (header) => store.tell("lamp", header),
+    lines: (header) => store.tell("lines", header),
+    painted(header, arrays) {
+      state.textContent = "ready";
+      store.tell("painted", header, arrays);
+    },
+    job: (header) => store.tell("job", header),
+    stack: (header) => { if (JSON.stringify(header.stack) !== JSON.stringify(store.plain())) store.take(header.stack); },
+    status(header) {
+      state.textContent = header.words;
+    },
+    error(header) {
+      store.say(spoken(header.words), "error");
+      line.dataset.about = header.about;
+      state.textContent = "ready";
+      store.tell("failed", header);
+      if (header.about === "see") store.answered(header.number);
+      if (header.about === "check" && !store.seen) store.changed();
+    },
+  };
+  wire.onmessage = (header, arrays) => answers[header.type]?.(header, arrays);
+  function take(header) {
+    Object.assign(store.own, header.pigments);
+    for (const entry of header.entries ?? []) store.entries.set(entry.name, { ...entry, group: "own" });
+    store.tell("shelf");
+  }
+  store.on("paints", take);
+  function check(text) {
+    try {
+      wire.send({ type: "check", stack: JSON.parse(text) });
+    } catch {
+      store.say("The link's stack cannot be read: it was cut short, or is of something else.", "error");
+      if (!store.seen) store.changed();
+    }
+  }
+
+  // Files ---------------------------------------------------------------------------------------------------------------
+  store.on("file", async (file) => {
+    if (file.size > store.mostFile) return store.say(`${file.name} has ${(file.size / 1048576).toFixed(0)} MB; the studio takes files of ${store.mostFile >> 20} MB at most.`, "error");
+    if (file.type.startsWith("image/")) {
+      try {
+        return store.tell("photograph", await createImageBitmap(file));
+      } catch {
+        return store.say(`${file.name} is no picture that this browser reads.`, "error");
+      }
+    }
+    const content = new Uint8Array(await file.arrayBuffer());
+    const head = new TextDecoder().decode(content.subarray(0, 4000));
+    if (head.trimStart().startsWith("{") && head.includes('"glazejax"')) return check(new TextDecoder().decode(content));
+    if (!wire.send({ type: "file", name: file.name }, {}, content)) store.say("The studio is not there at the moment; drop the file again when it is back.", "error");
+  });
+  root.addEventListener("dragover", (event) => { if (event.dataTransfer?.types.includes("Files")) { event.preventDefault(); root.classList.add("over"); } });
+  root.addEventListener("dragleave", (event) => { if (!root.contains(event.relatedTarget)) root.classList.remove("over"); });
+  root.addEventListener("drop", (event) => {
+    root.classList.remove("over");
+    if (!event.dataTransfer?.files.length) return;
+    event.preventDefault();
+    for (const file of event.dataTransfer.files) store.tell("file", file);
+  });
+
+  // The link follows the stack, some moments later ------------------------------------------------------------------------
+  let later = null;
+  store.on("stack", () => {
+    clearTimeout(later);
+    if (remember) later = setTimeout(() => remember(stackLink(store), store.plain()), 250);
+  });
+  root.addEventListener("keydown", (event) => {
+    if (!(event.ctrlKey || event.metaKey) || /^(text|search|number|textarea)$/.test(event.target.type ?? "")) return;
+    const key = event.key.toLowerCase();
+    if (key === "z" && !event.shiftKey) store.undo();
+    else if (key === "y" || (key === "z" && event.shiftKey)) store.redo();
+    else return;
+    event.preventDefault();
+  });
+  open("look");
+  return { store, check };
+}

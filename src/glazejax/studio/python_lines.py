@@ -1,0 +1,60 @@
+"""A stack as lines of Python, for those who want to go on from it."""
+
+from ..paint.describe import Coat
+from ..stacks import Hiding, Spectrum, Stack
+
+
+def of(stack: Stack) -> str:
+    """A program that prints the stack's spectrum and colour.
+
+    Own paints and measured grounds are numbers that no ten lines hold: there the program reads the stack's file.
+    """
+    head = ["import glazejax as gj"]
+    if stack.pigments or isinstance(stack.ground, Spectrum) or not stack.shown:
+        return "\n".join(
+            [
+                *head,
+                'stack = gj.read_stack("stack.json")  # saved in the studio',
+                "glaze, seen_by = stack.glaze(), stack.seen_by",
+                *_tail("glaze.wavelengths"),
+            ]
+        )
+    shelf = []
+    names = [name for coat in stack.shown for _, name in coat.parts]
+    if any("/" not in name for name in names):
+        shelf.append("oils = gj.catalogue.load()")
+    for group in dict.fromkeys(name.partition("/")[0] for name in names if "/" in name):
+        shelf.append(f'{group} = gj.catalogue.load("{group}")')
+    level = f"{stack.level():g}" if not isinstance(stack.ground, Hiding) else "0.5"
+    note = "  # the white half of the card" if stack.ground == "card" else ""
+    layers = [f"    gj.Layer({_medium(coat)}, {coat.total:.6g})," for coat in stack.shown]
+    geometry = f'from glazejax.geometry import parse_geometry\nseen_by = parse_geometry("{stack.geometry}")'
+    return "\n".join(
+        [
+            *head,
+            *shelf,
+            "glaze = gj.Glaze([",
+            *layers,
+            f"], {level}, {stack.refractive_index:g}){note}",
+            geometry,
+            *_tail("glaze.wavelengths"),
+        ]
+    )
+
+
+def _tail(grid: str) -> list[str]:
+    return ["spectrum = gj.reflectance(glaze, seen_by)", f"print(gj.colour.lab({grid}, spectrum))"]
+
+
+def _paint(name: str) -> str:
+    group, slash, own = name.partition("/")
+    return f'{group}["{own}"]' if slash else f'oils["{name}"]'
+
+
+def _medium(coat: Coat) -> str:
+    if len(coat.parts) == 1:
+        return _paint(coat.parts[0][1])
+    total = sum(weight for weight, _ in coat.parts)
+    paints = ", ".join(_paint(name) for _, name in coat.parts)
+    weights = ", ".join(repr(weight / total) for weight, _ in coat.parts)
+    return f"gj.Mixture([{paints}], [{weights}])"

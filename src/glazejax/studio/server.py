@@ -1,0 +1,186 @@
+"""The studio's door: a page and a socket, for this computer alone.
+
+It listens on 127.0.0.1. The link carries a token, without which nothing is answered; Host and Origin of every request
+must be this server's own; the page may load nothing from elsewhere (Content-Security-Policy). Nothing is written.
+"""
+
+import asyncio
+import contextlib
+import secrets
+import socket
+import threading
+from concurrent.futures import ThreadPoolExecutor
+from importlib.resources import files
+from typing import Any
+
+from ..extras import require
+from . import canvas
+from .engine import Engine
+from .jobs import Jobs
+from .session import Session
+from .wire import MOST_BYTES, pack
+
+HOST = "127.0.0.1"
+_KINDS = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
+
+
+class Studio:
+    """The application and what its pages share.
+
+    Args:
+        port: to listen on; 0 for a free one.
+        tasks: searches, see `glazejax.studio.jobs`; those installed if left out.
+
+    Raises:
+        ModuleNotFoundError: a package of the extra `studio` is not installed.
+        OSError: the port is taken.
+    """
+
+    def __init__(self, port: int = 0, tasks: dict[str, str] | None = None):
+        require("starlette", "uvicorn", "websockets")
+        self.token = secrets.token_urlsafe(24)
+        self._socket = socket.socket()
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        self._socket.bind((HOST, port))
+        # From here on a browser waits for its answer instead of being refused.
+        self._socket.listen(128)
+        self.port: int = self._socket.getsockname()[1]
+        self.engine, self.jobs = Engine(), Jobs(tasks)
+        self._hosts = {f"{HOST}:{self.port}", f"localhost:{self.port}"}
+        self._server: Any = None
+
+    @property
+    def link(self) -> str:
+        """The page's address, token included."""
+        return f"http://{HOST}:{self.port}/{self.token}/"
+
+    def run(self, *, warm: bool = True) -> None:
+        """Serve until `stop`, or Ctrl-C."""
+        import uvicorn
+
+        if warm:
+            threading.Thread(target=self._warm, daemon=True).start()
+        settings = uvicorn.Config(
+            self.app(), log_level="error", ws="websockets-sansio", ws_max_size=MOST_BYTES, lifespan="off",
+            server_header=False, ws_ping_interval=20, ws_ping_timeout=60,
+        )  # fmt: skip
+        self._server = uvicorn.Server(settings)
+        try:
+            self._server.run(sockets=[self._socket])
+        finally:
+            self.jobs.close()
+
+    def stop(self) -> None:
+        """End `run`, from another thread."""
+        if self._server is not None:
+            self._server.should_exit = self._server.force_exit = True
+
+    def _warm(self) -> None:
+        """Compile what a page will ask first."""
+        with contextlib.suppress(ValueError):  # A page that asks the same is told.
+            self.engine.warm()
+            canvas.warm(self.engine)
+
+    def refusal(self, headers: Any, token: str, *, socket: bool) -> str:
+        """Why a request is refused, in words; empty if it is not."""
+        if headers.get("host") not in self._hosts:
+            return "This studio answers to its own address only; open the link that glazejax studio printed."
+        origin = headers.get("origin")
+        if (socket or origin is not None) and origin not in {f"http://{host}" for host in self._hosts}:
+            return "This studio answers its own page only."
+        if not secrets.compare_digest(token.encode(), self.token.encode()):
+            return "The link's token is not this studio's; open the link that glazejax studio printed last."
+        return ""
+
+    def app(self) -> Any:
+        """The ASGI application."""
+        from starlette.applications import Starlette
+        from starlette.requests import Request
+        from starlette.responses import PlainTextResponse, Response
+        from starlette.routing import Route, WebSocketRoute
+        from starlette.websockets import WebSocket
+
+        # So that one page's long compilation keeps no other waiting.
+        pool = ThreadPoolExecutor(6)
+        page = files("glazejax.studio").joinpath("page")
+        policy = (
+            "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data: blob:; "
+            f"connect-src 'self' {' '.join(f'ws://{host}' for host in sorted(self._hosts))}; "
+            "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+        )
+        guards = {
+            "Content-Security-Policy": policy,
+            "Referrer-Policy": "no-referrer",
+            "X-Content-Type-Options": "nosniff",
+            "Cross-Origin-Opener-Policy": "same-origin",
+            "Cross-Origin-Resource-Policy": "same-origin",
+            "Cache-Control": "no-store",
+        }
+
+        async def static(request: Request) -> Response:
+            """A file of the page."""
+            if words := self.refusal(request.headers, request.path_params["token"], socket=False):
+                return PlainTextResponse(words + "\n", 403, guards)
+            name = request.path_params["name"] or "index.html"
+            known = {entry.name for entry in page.iterdir()}
+            kind = _KINDS.get("." + name.rpartition(".")[2])
+            if name not in known or kind is None:
+                return PlainTextResponse("There is no such file.\n", 404, guards)
+            return Response(page.joinpath(name).read_bytes(), 200, guards, kind)
+
+        async def elsewhere(request: Request) -> Response:
+            """Anything without a token."""
+            words = self.refusal(request.headers, "", socket=False)
+            return PlainTextResponse(words + "\n", 403, guards)
+
+        async def talk(socket: WebSocket) -> None:
+            """A page's socket."""
+            if self.refusal(socket.headers, socket.path_params["token"], socket=True):
+                await socket.close(4403)
+                return
+            await socket.accept()
+            loop, answers = asyncio.get_running_loop(), asyncio.Queue()
+
+            def send(message: bytes) -> None:
+                loop.call_soon_threadsafe(answers.put_nowait, message)
+
+            async def sender() -> None:
+                while True:
+                    await socket.send_bytes(await answers.get())
+
+            session, sending = Session(self.engine, self.jobs, send), asyncio.create_task(sender())
+            waiting: set[asyncio.Future[None]] = set()
+            try:
+                while True:
+                    message = await socket.receive()
+                    if message["type"] == "websocket.disconnect":
+                        break
+                    given = message.get("bytes") or message.get("text") or ""
+                    if len(waiting) > 50:
+                        send(pack({"type": "error", "about": "", "words": "too many messages wait for an answer"}))
+                        continue
+                    task = loop.run_in_executor(pool, session.handle, given)
+                    waiting.add(task)
+                    task.add_done_callback(waiting.discard)
+            finally:
+                session.close()
+                sending.cancel()
+
+        return Starlette(
+            routes=[
+                WebSocketRoute("/{token}/socket", talk),
+                Route("/{token}/{name:str}", static),
+                Route("/{token}/", static_index(static)),
+                Route("/{rest:path}", elsewhere),
+            ]
+        )
+
+
+def static_index(static: Any) -> Any:
+    """The same for the page's own address."""
+
+    async def index(request: Any) -> Any:
+        request.path_params["name"] = ""
+        return await static(request)
+
+    return index

@@ -1,0 +1,217 @@
+"""What a page asks, and what it is answered: one `Session` a page, the same over a socket and in a notebook.
+
+A session keeps nothing that the page does not have: every question brings its stack, so that a page that comes back
+after a lost connection has lost nothing. Answers are bytes as `wire.pack` makes them. What is wrong with a question is
+one sentence, `{"type": "error", "about": ..., "words": ...}`.
+"""
+
+import threading
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from .. import colour
+from ..cie import illuminants
+from ..spectra import describe_grid
+from ..stacks import Stack, all_paints, stack_from_dict, stack_to_dict
+from . import canvas, python_lines, shelf, upload
+from .engine import LADDER, SIZES, Engine, View
+from .jobs import Jobs
+from .wire import MOST_FILE, pack, unpack
+
+Send = Callable[[bytes], None]
+_MOST_LAMPS = 8
+
+
+class Session:
+    """Answers one page's messages.
+
+    Args:
+        engine: shared by all pages.
+        jobs: searches that run beside, shared too.
+        send: takes an answer; called from any thread.
+    """
+
+    def __init__(self, engine: Engine, jobs: Jobs, send: Send):
+        self.engine, self.jobs, self._send = engine, jobs, send
+        self._easel = canvas.Easel(engine)
+        self._mine: set[str] = set()
+        self._lock = threading.Lock()
+
+    def tell(self, header: Mapping[str, Any], arrays: Mapping[str, Any] | None = None) -> None:
+        """Send an answer; one at a time."""
+        with self._lock:
+            self._send(pack(header, arrays))
+
+    def handle(self, message: bytes | str) -> None:
+        """Answer a message; what is wrong with it is told, never raised."""
+        about, number = "", None
+        try:
+            header, arrays, rest = unpack(message)
+            about, number = header["type"], header.get("number")
+            answer = getattr(self, f"_on_{about}", None)
+            if answer is None:
+                raise ValueError(f"the studio does not know the message {about!r}; reload the page")
+            answer(header, arrays, rest)
+        except (ValueError, ModuleNotFoundError) as error:
+            self.tell({"type": "error", "about": about, "number": number, "words": str(error)})
+        except Exception as error:  # A page must hear of a fault, whatever it is.
+            words = f"the studio failed at this ({type(error).__name__}: {error}); what you made is kept"
+            self.tell({"type": "error", "about": about, "number": number, "words": words})
+
+    def close(self) -> None:
+        """The page is gone: its searches are of no use."""
+        for name in self._mine:
+            self.jobs.stop(name)
+
+    def _on_hello(self, header: dict[str, Any], arrays: Any, rest: bytes) -> None:
+        """What there is; the shelf's swatches follow when they are computed."""
+        listed = [shelf.entry(name, paint) for name, paint in all_paints().items()]
+        told = {
+            "type": "hello",
+            "paints": listed,
+            "lamps": list(illuminants()),
+            "ladder": list(LADDER),
+            "most": SIZES[-1],
+            "most_file": MOST_FILE,
+            "tasks": sorted(self.jobs.tasks),
+        }
+        self.tell(told)
+        self._swatches(dict(all_paints()))
+
+    def _swatches(self, paints: Mapping[str, Any]) -> None:
+        """What paints look like, those of one grid after the other."""
+        for group in shelf.by_grid(paints):
+            try:
+                found = shelf.swatches(self.engine, list(group.values()))
+            except ValueError as error:  # Bands that give no colour.
+                self.tell({"type": "error", "about": "shelf", "words": f"{', '.join(group)}: {error}"})
+                continue
+            self.tell({"type": "shelf", "names": list(group)}, found)
+
+    def _on_see(self, header: dict[str, Any], arrays: Any, rest: bytes) -> None:
+        """Spectra and colours of a stack."""
+        began = time.perf_counter()
+        stack, view = stack_from_dict(header.get("stack")), _view(header.get("view", {}))
+        if words := self.engine.compiles(stack):
+            self.tell({"type": "status", "words": words})
+        seen = self.engine.see(stack, view)
+        marks = shelf.doubts(stack)
+        told = {"type": "seen", "number": header.get("number"), "doubts": marks, **seen.words}
+        self.tell(told | {"ms": 1e3 * (time.perf_counter() - began)}, seen.arrays)
+
+    def _on_check(self, header: dict[str, Any], arrays: Any, rest: bytes) -> None:
+        """A stack of a link or a file: as it is understood, or why not."""
+        found = stack_to_dict(_stack(header))
+        # Parts by weight stay as they were written: 5 to 1, not .8333 to .1667.
+        for coat, given in zip(found["coats"], header["stack"]["coats"], strict=True):
+            if len(coat["paint"]) == len(given["paint"]):
+                coat["paint"] = dict(zip(coat["paint"], given["paint"].values(), strict=True))
+        self.tell({"type": "checked", "number": header.get("number"), "stack": found})
+
+    def _on_lamp(self, header: dict[str, Any], arrays: Any, rest: bytes) -> None:
+        """A lamp of one's own: whether it will do, for what the oils cover."""
+        lamp = _lamp(header.get("lamp"))
+        if isinstance(lamp, str):
+            raise ValueError("the lamp is a name; one's own has wavelengths and power")
+        colour.lamp_weights(next(iter(all_paints().values())).wavelengths, *lamp[1:])
+        self.tell({"type": "lamp", "lamp": header["lamp"]})
+
+    def _on_lines(self, header: dict[str, Any], arrays: Any, rest: bytes) -> None:
+        """The stack as Python."""
+        self.tell({"type": "lines", "text": python_lines.of(_stack(header))})
+
+    def _on_file(self, header: dict[str, Any], arrays: Any, rest: bytes) -> None:
+        """A dropped file: paints, films, or spectra."""
+        name = str(header.get("name", "the file"))[:200]
+        if len(rest) > MOST_FILE:
+            raise ValueError(f"{name} has {len(rest) >> 20} MB; the studio takes files of {MOST_FILE >> 20} MB at most")
+        found = upload.read(name, rest)
+        told: dict[str, Any] = {"type": "file", "name": name, "kind": found.kind, "notes": list(found.notes)}
+        if found.kind == "paints":
+            told["pigments"] = found.content
+            told["entries"] = [shelf.entry(paint.name, paint) for paint in found.paints.values()]
+            self.tell(told)
+            self._swatches(found.paints)
+            return
+        table = found.table
+        assert table is not None
+        grid = np.asarray(table.wavelengths, float)
+        told |= {"names": list(table.names), "words": describe_grid(grid), "films": found.kind == "films"}
+        arrays = {"wavelengths": grid, "reflectance": np.asarray(table.reflectance, float)}
+        try:
+            weights = colour.colour_weights(grid)
+            white = weights.sum(axis=0)
+            xyz = arrays["reflectance"] @ weights
+            arrays["rgb"] = np.round(255 * np.asarray(colour.xyz_to_srgb(xyz, white), float))
+            arrays["lab"] = np.asarray(colour.xyz_to_lab(xyz, white), float)
+        except ValueError as error:
+            told["notes"].append(str(error))
+        self.tell(told, arrays)
+
+    def _on_canvas(self, header: dict[str, Any], arrays: Any, rest: bytes) -> None:
+        """Pixels of thickness maps."""
+        began, stack = time.perf_counter(), _stack(header)
+        lamp = _view(header.get("view", {})).lamps[0]
+        told = self._easel.paint(stack, header.get("coats", []), arrays, lamp, lambda words: self.tell(
+            {"type": "status", "words": words}))  # fmt: skip
+        words = {"type": "painted", "number": header.get("number"), "box": header.get("box"), **told.words}
+        self.tell(words | {"ms": 1e3 * (time.perf_counter() - began)}, {"rgba": told.pixels})
+
+    def _on_start(self, header: dict[str, Any], arrays: Any, rest: bytes) -> None:
+        """A search: recipes for a colour, what is in a film, paints from films."""
+        task, name = str(header.get("task")), str(header.get("name"))[:80]
+        stack = _stack(header)
+        given = {"stack": stack_to_dict(stack), "options": header.get("options", {})}
+        given |= {key: array.tolist() for key, array in arrays.items()}
+
+        def tell(told: dict[str, Any]) -> None:
+            self.tell({"type": "job", "name": name, "task": task, **told})
+
+        self._mine.add(self.jobs.start(f"{id(self)} {name}", task, given, tell))
+
+    def _on_stop(self, header: dict[str, Any], arrays: Any, rest: bytes) -> None:
+        """End a search."""
+        name = str(header.get("name"))[:80]
+        self.jobs.stop(f"{id(self)} {name}")
+        self.tell({"type": "job", "name": name, "stopped": True})
+
+
+def _stack(header: Mapping[str, Any]) -> Stack:
+    return stack_from_dict(header.get("stack"))
+
+
+def _view(given: Any) -> View:
+    """How the page looks at its stack, checked.
+
+    Raises:
+        ValueError: a lamp or an angle that there is not.
+    """
+    if not isinstance(given, dict):
+        raise ValueError("the view must be an object")
+    lamps = given.get("lamps", ["D65"])
+    if not isinstance(lamps, list) or not 1 <= len(lamps) <= _MOST_LAMPS:
+        raise ValueError(f"the lamps must be a list of 1 to {_MOST_LAMPS}")
+    angles = [given.get("light", 45.0), given.get("view", 60.0)]
+    for angle in angles:
+        if not isinstance(angle, int | float) or not 0 <= angle <= 85:
+            raise ValueError(f"an angle is {angle!r}; light and view lie between 0 and 85 degrees from the normal")
+    pinned = given.get("pinned")
+    if pinned is not None:
+        pinned = tuple(float(value) for value in pinned)
+        if len(pinned) != 3 or not all(abs(value) < 1000 for value in pinned):
+            raise ValueError("the pinned colour must be three numbers, L*, a*, b*")
+    repeated = given.get("repeated", 0)
+    repeated = repeated if isinstance(repeated, int) and repeated >= 0 else 0
+    return View(tuple(map(_lamp, lamps)), float(angles[0]), float(angles[1]), repeated, pinned)
+
+
+def _lamp(given: Any) -> Any:
+    if isinstance(given, str):
+        return colour.find_illuminant(given)
+    match given:
+        case {"name": str(name), "wavelengths": [*grid], "power": [*power]} if len(grid) <= 2000:
+            return name, np.array(grid, float), np.array(power, float)
+    raise ValueError("a lamp is a name such as D65, or has a name, wavelengths and power")

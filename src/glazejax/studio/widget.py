@@ -1,0 +1,124 @@
+"""The studio as a widget of Jupyter and marimo: the same page, its messages by the kernel instead of a socket."""
+
+import re
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+from ..extras import require
+from ..stacks import Stack, stack_from_dict, stack_to_dict
+from .engine import Engine
+from .jobs import Jobs
+from .session import Session
+
+# In the order in which they need one another.
+_MODULES = (
+    "dom",
+    "wire",
+    "store",
+    "shelf",
+    "coats",
+    "plot",
+    "look",
+    "easel",
+    "backwards",
+    "away",
+    "studio",
+    "notebook",
+)
+_USUAL = {
+    "glazejax": "stack",
+    "version": 1,
+    "coats": [{"paint": {"CobaltBlue": 1}, "um": 0.5}, {"paint": {"ZincWhite": 1}, "um": 8}],
+    "ground": "card",
+}
+
+
+def bundle() -> str:
+    """The page's modules as one, for hosts that take a single text."""
+    page = files("glazejax.studio").joinpath("page")
+    parts = []
+    for name in _MODULES:
+        text = page.joinpath(f"{name}.js").read_text(encoding="utf-8")
+        text = re.sub(r"^import .*?;\n", "", text, flags=re.MULTILINE)
+        # Only the last module's default is the widget's; renamed imports keep their names by an alias.
+        parts.append(re.sub(r"^export (?!default)", "", text, flags=re.MULTILINE))
+    return "\n".join(parts)
+
+
+@cache
+def make_widget() -> type:
+    """The class `Widget`.
+
+    Raises:
+        ModuleNotFoundError: anywidget is not installed.
+    """
+    require("anywidget")
+    import anywidget
+    import traitlets
+
+    class Widget(anywidget.AnyWidget):
+        """A glaze studio in a notebook.
+
+        Args:
+            stack: a `glazejax.Stack`, or what `glazejax.stacks.stack_from_dict` takes; two coats if left out.
+            tasks: searches, see `glazejax.studio.jobs`; those installed if left out.
+
+        Attributes:
+            stack: what is stacked, as `stack_to_dict` gives it; set it, and the page follows.
+            seen: wavelengths, reflectance (on the ground, of a card on white), L*a*b* and sRGB (8 bits) of the stack
+                under the first lamp; None until the page has asked.
+
+        Raises:
+            ValueError: a stack that is none.
+        """
+
+        _esm = bundle()
+        _css = files("glazejax.studio").joinpath("page", "style.css").read_text(encoding="utf-8")
+        stack = traitlets.Any().tag(sync=True)
+        seen = traitlets.Dict(default_value=None, allow_none=True)
+
+        def __init__(self, stack: Stack | dict[str, Any] | None = None, tasks: dict[str, str] | None = None):
+            super().__init__(stack=_plain(_USUAL if stack is None else stack))
+            self._session = _Told(self, Engine(), Jobs(tasks))
+            self.on_msg(lambda _, content, buffers: self._session.take(content, buffers))
+
+        @traitlets.validate("stack")
+        def _checked(self, proposal: Any) -> dict[str, Any]:
+            return _plain(proposal["value"])
+
+        def close(self) -> None:
+            """End its searches too."""
+            if hasattr(self, "_session"):
+                self._session.jobs.close()
+            super().close()
+
+    return Widget
+
+
+def _plain(stack: Stack | dict[str, Any]) -> dict[str, Any]:
+    """A stack as the page has it, checked."""
+    return stack_to_dict(stack if isinstance(stack, Stack) else stack_from_dict(stack))
+
+
+class _Told(Session):
+    """A session whose answers go through a widget, which keeps what is seen."""
+
+    def __init__(self, widget: Any, engine: Engine, jobs: Jobs):
+        super().__init__(engine, jobs, lambda message: widget.send({"glaze": "answer"}, [message]))
+        self._widget = widget
+
+    def take(self, content: Any, buffers: Any) -> None:
+        """A message of the page."""
+        if isinstance(content, dict) and content.get("glaze") == "question" and buffers:
+            self.handle(bytes(buffers[0]))
+
+    def tell(self, header: Any, arrays: Any = None) -> None:
+        if header["type"] == "seen" and arrays is not None:
+            self._widget.seen = {
+                "wavelengths": arrays["wavelengths"].tolist(),
+                "reflectance": arrays["spectra"][0].tolist(),
+                "lab": arrays["lab"][0].tolist(),
+                "rgb": arrays["rgb"][0, 0].tolist(),
+            }
+        super().tell(header, arrays)

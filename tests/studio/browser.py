@@ -1,0 +1,135 @@
+"""A Chromium for the tests of the studio's page, and a studio for it to look at."""
+
+import contextlib
+import json
+import shutil
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from glazejax.studio.server import Studio
+
+TASKS = {
+    "recipes": "glazefit.studio.tasks:recipes",
+    "identify": "glazefit.studio.tasks:identification",
+    "recover": "glazefit.studio.tasks:recovery",
+}
+_NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
+WAIT = 120.0
+"""Seconds for what may compile first."""
+
+
+class Served:
+    """A studio that runs in a thread of this process."""
+
+    def __init__(self, port: int = 0, token: str = "", tasks: dict[str, str] = TASKS):
+        self.studio = Studio(port, tasks)
+        self.studio.token = token or self.studio.token
+        self._thread = threading.Thread(target=self.studio.run, kwargs={"warm": False}, daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        self.studio.stop()
+        self._thread.join(30)
+
+
+def start_browser(downloads: Path) -> Any:
+    """A Chromium without a window, or a skip that says what is missing."""
+    webdriver = pytest.importorskip("selenium.webdriver", reason="selenium is not installed (extra test)")
+    chromium = next(filter(None, map(shutil.which, _NAMES)), None)
+    driver = shutil.which("chromedriver")
+    if chromium is None or driver is None:
+        pytest.skip("no Chromium with chromedriver here (Debian: apt-get install chromium chromium-driver)")
+    options = webdriver.ChromeOptions()
+    options.binary_location = chromium
+    for word in (
+        "--headless=new",
+        "--no-sandbox",
+        "--disable-dev-shm-usage",
+        "--disable-gpu",
+        "--window-size=1440,900",
+    ):
+        options.add_argument(word)
+    options.add_argument("--force-color-profile=srgb")
+    options.add_experimental_option("prefs", {"download.default_directory": str(downloads)})
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    return webdriver.Chrome(options=options, service=webdriver.ChromeService(driver))
+
+
+class Page:
+    """The studio's page, as a person uses it."""
+
+    def __init__(self, browser: Any, link: str):
+        self.browser, self.link = browser, link
+
+    def open(self, fragment: str = "") -> None:
+        # From elsewhere, so that another fragment is another page.
+        self.browser.get("about:blank")
+        self.browser.get(self.link + fragment)
+        self.until(lambda: self.js("return document.querySelector('#studio')?.dataset.seen"), "the first colours")
+        self.settle()
+
+    def js(self, code: str, *given: Any) -> Any:
+        return self.browser.execute_script(code, *given)
+
+    def at(self, name: str, within: str = "") -> Any:
+        return self.browser.find_element("css selector", f"{within} [data-at='{name}']".strip())
+
+    def all(self, selector: str) -> list[Any]:
+        return self.browser.find_elements("css selector", selector)
+
+    def until(self, true: Callable[[], Any], what: str, seconds: float = WAIT) -> Any:
+        from selenium.common.exceptions import StaleElementReferenceException
+
+        end = time.monotonic() + seconds
+        while time.monotonic() < end:
+            # What is looked at may be built anew meanwhile.
+            with contextlib.suppress(StaleElementReferenceException):
+                if found := true():
+                    return found
+            time.sleep(0.05)
+        raise AssertionError(f"{what} did not come in {seconds:.0f} s; the page says {self.said()!r}")
+
+    def settle(self) -> None:
+        """Wait until every change has been answered."""
+        time.sleep(0.05)
+        self.until(lambda: self.js("return document.querySelector('#studio').dataset.busy") != "yes", "the answer")
+
+    def said(self) -> str:
+        return self.at("line").text
+
+    def stack(self) -> dict[str, Any]:
+        """The stack that the link holds."""
+        time.sleep(0.4)
+        return json.loads(self.js("return decodeURIComponent(location.hash.slice(1))"))
+
+    def pixel(self, name: str, x: float, y: float) -> np.ndarray:
+        """Colour of a canvas at a share of its width and height."""
+        code = """
+            const c = document.querySelector(`[data-at="${arguments[0]}"]`);
+            const at = [Math.floor(arguments[1] * c.width), Math.floor(arguments[2] * c.height)];
+            return [...c.getContext("2d").getImageData(...at, 1, 1).data].slice(0, 3)"""
+        return np.array(self.js(code, name, x, y))
+
+    def slide(self, slider: Any, value: float) -> None:
+        """Move a slider as its keys and mouse do: events of its own."""
+        code = (
+            "arguments[0].value = arguments[1]; arguments[0].dispatchEvent(new Event('input', {bubbles: true}));"
+            "arguments[0].dispatchEvent(new Event('change', {bubbles: true}))"
+        )
+        self.js(code, slider, value)
+        self.settle()
+
+    def drop(self, path: Path) -> None:
+        """Drop a file on the page."""
+        self.js("document.querySelector('[data-at=file]').hidden = false")
+        self.at("file").send_keys(str(path))
+
+    def errors(self) -> list[str]:
+        """What the browser complained of."""
+        return [entry["message"] for entry in self.browser.get_log("browser") if entry["level"] == "SEVERE"]

@@ -1,0 +1,503 @@
+"""The studio's page in a Chromium: what a person does, and that pixels are what `glazejax.reflectance` says."""
+
+import json
+from urllib.parse import quote
+
+import numpy as np
+import pytest
+
+import glazejax as gj
+from glazejax import colour
+from glazejax.stacks import stack_from_dict
+
+from .browser import Page, Served, start_browser
+
+pytestmark = pytest.mark.browser
+
+TWO = {
+    "glazejax": "stack",
+    "version": 1,
+    "coats": [{"paint": {"CobaltBlue": 1}, "um": 1}, {"paint": {"ChromeYellow": 1}, "um": 6}],
+    "ground": "card",
+    "geometry": "45:0",
+}
+
+
+def fragment(stack: dict) -> str:
+    return "#" + quote(json.dumps(stack))
+
+
+@pytest.fixture(scope="module")
+def served():
+    found = Served()
+    yield found
+    found.stop()
+
+
+@pytest.fixture(scope="module")
+def downloads(tmp_path_factory):
+    return tmp_path_factory.mktemp("downloads")
+
+
+@pytest.fixture(scope="module")
+def browser(downloads):
+    found = start_browser(downloads)
+    yield found
+    found.quit()
+
+
+@pytest.fixture
+def page(served, browser):
+    found = Page(browser, served.studio.link)
+    found.open(fragment(TWO))
+    yield found
+    assert found.errors() == []
+    # Nothing brushed may ask whether to leave.
+    browser.execute_script("document.querySelector('#studio').replaceChildren()")
+
+
+def expected(stack: dict, side: str, lamp: str = "D65") -> np.ndarray:
+    """8-bit sRGB of the whole computation."""
+    found = stack_from_dict(stack)
+    spectrum = gj.reflectance(found.glaze(side), found.seen_by)
+    return 255 * np.asarray(colour.srgb(found.glaze().wavelengths, spectrum, illuminant=lamp))
+
+
+def check_swatch(page: Page, stack: dict) -> None:
+    for side, x in (("white", 0.25), ("black", 0.75)):
+        assert np.abs(page.pixel("swatch", x, 0.5) - expected(stack, side)).max() <= 1, side
+
+
+def test_a_slider_changes_the_swatch_to_what_the_library_says(page):
+    check_swatch(page, TWO)
+    before = page.pixel("swatch", 0.25, 0.5)
+    page.slide(page.at("slider"), np.log10(8))
+    stack = page.stack()
+    assert stack["coats"][0]["um"] == pytest.approx(8, rel=0.01)
+    check_swatch(page, stack)
+    assert np.abs(page.pixel("swatch", 0.25, 0.5) - before).max() > 20
+    # The bare card above the paint stays.
+    assert page.pixel("swatch", 0.25, 0.02).min() > 225
+
+
+def test_dragging_with_the_mouse_follows(page):
+    from selenium.webdriver import ActionChains
+
+    slider = page.at("slider")
+    ActionChains(page.browser).click_and_hold(slider).move_by_offset(30, 0).move_by_offset(20, 0).release().perform()
+    page.settle()
+    stack = page.stack()
+    assert stack["coats"][0]["um"] > 5
+    check_swatch(page, stack)
+
+
+def test_coats_are_reordered_by_hand_and_by_keys(page):
+    from selenium.webdriver import ActionChains, Keys
+
+    handles = page.all("[data-at=handle]")
+    ActionChains(page.browser).click_and_hold(handles[1]).move_by_offset(0, -60).move_by_offset(
+        0, -60
+    ).release().perform()
+    page.settle()
+    turned = page.stack()
+    assert [list(coat["paint"]) for coat in turned["coats"]] == [["ChromeYellow"], ["CobaltBlue"]]
+    check_swatch(page, turned)
+    page.all("[data-at=handle]")[0].send_keys(Keys.ARROW_DOWN)
+    page.settle()
+    assert [list(coat["paint"]) for coat in page.stack()["coats"]] == [["CobaltBlue"], ["ChromeYellow"]]
+    check_swatch(page, TWO)
+
+
+def test_undo_and_redo(page):
+    page.slide(page.at("slider"), 1.0)
+    page.at("remove").click()
+    page.settle()
+    assert len(page.stack()["coats"]) == 1
+    page.at("undo").click()
+    page.settle()
+    assert page.stack()["coats"][0]["um"] == 10
+    page.at("undo").click()
+    page.settle()
+    assert page.stack()["coats"][0]["um"] == 1
+    check_swatch(page, TWO)
+    page.at("redo").click()
+    page.settle()
+    assert page.stack()["coats"][0]["um"] == 10
+
+
+def test_lamps_are_switched(page):
+    for i, lamp in enumerate(("D65", "A", "FL11", "LED-B3")):
+        assert np.abs(page.pixel(f"under-{i}", 0.25, 0.5) - expected(TWO, "white", lamp)).max() <= 1
+    page.js(
+        "const s = document.querySelector('[data-at=lamp-0]'); s.value = 'FL2'; s.dispatchEvent(new Event('change'))"
+    )
+    page.settle()
+    assert np.abs(page.pixel("swatch", 0.25, 0.5) - expected(TWO, "white", "FL2")).max() <= 1
+
+
+def test_hidden_duplicated_and_mixed_coats(page):
+    page.at("hide").click()
+    page.settle()
+    stack = page.stack()
+    assert stack["coats"][0]["hidden"] is True
+    check_swatch(page, stack)
+    page.at("hide").click()
+    page.at("copy").click()
+    page.settle()
+    stack = page.stack()
+    assert len(stack["coats"]) == 3
+    check_swatch(page, stack)
+    page.all(".tile[data-paint='ZincWhite'] .mix")[0].click()
+    page.settle()
+    mixed = page.stack()
+    assert any(set(coat["paint"]) == {"CobaltBlue", "ZincWhite"} for coat in mixed["coats"])
+    check_swatch(page, mixed)
+
+
+def test_a_paint_from_the_shelf_lies_on_top(page):
+    page.at("search").send_keys("viri")
+    [tile] = page.all(".tile")
+    tile.find_element("css selector", ".paint").click()
+    page.settle()
+    stack = page.stack()
+    assert list(stack["coats"][0]["paint"]) == ["ViridianGreen"]
+    check_swatch(page, stack)
+
+
+def test_a_pinned_colour_gets_its_difference(page):
+    page.at("pin").click()
+    page.slide(page.at("slider"), 1.0)
+    stack = page.stack()
+    labs = []
+    for one in (TWO, stack):
+        found = stack_from_dict(one)
+        spectrum = gj.reflectance(found.glaze(), found.seen_by)
+        labs.append(np.asarray(colour.lab(found.glaze().wavelengths, spectrum)))
+    assert f"{colour.delta_e_2000(*labs):.2f}" in page.at("numbers").text
+
+
+def test_a_ground_of_grey(page):
+    grey = {**TWO, "ground": 0.4}
+    page.open(fragment(grey))
+    found = stack_from_dict(grey)
+    rgb = 255 * np.asarray(colour.srgb(found.glaze().wavelengths, gj.reflectance(found.glaze(), found.seen_by)))
+    assert np.abs(page.pixel("swatch", 0.5, 0.4) - rgb).max() <= 1
+
+
+def test_a_link_holds_the_stack(page, served, browser):
+    page.slide(page.at("slider"), 0.5)
+    stack, address = page.stack(), browser.current_url
+    browser.get("about:blank")
+    browser.get(address)
+    page.until(lambda: page.js("return document.querySelector('#studio')?.dataset.seen"), "the colours")
+    page.settle()
+    assert page.stack()["coats"] == stack["coats"]
+    check_swatch(page, stack)
+
+
+@pytest.mark.parametrize(
+    ("bad", "words"),
+    [
+        ("#%7Bcut", "The link's stack cannot be read"),
+        (fragment({**TWO, "coats": [{"paint": {"CobaltBleu": 1}, "um": 1}]}), "There is no pigment 'CobaltBleu'"),
+        (fragment({**TWO, "coats": [{"paint": {"Eosin": 1}, "um": 1e9}]}), "between 0 and 10000"),
+    ],
+)
+def test_a_bad_link_is_one_sentence_and_the_page_works(page, bad, words):
+    page.open(bad)
+    assert words.lower() in page.said().lower()
+    assert len(page.all(".coat")) == 3
+    page.slide(page.at("slider"), 1.0)
+    check_swatch(page, page.stack())
+
+
+def test_a_thickness_of_nothing_and_of_a_kilometre(page):
+    number = page.at("um")
+    number.clear()
+    number.send_keys("1e9\t")
+    assert "between 0 and 10000 µm" in page.said()
+    assert page.stack()["coats"][0]["um"] == 1
+    page.js("arguments[0].value = 0; arguments[0].dispatchEvent(new Event('change'))", page.at("um"))
+    page.settle()
+    check_swatch(page, {**TWO, "coats": [{**TWO["coats"][0], "um": 0}, TWO["coats"][1]]})
+
+
+def test_own_paints_are_dropped_and_used(page, tmp_path):
+    rows = [f"Mine,{w},{200 * (w - 390)},40000" for w in range(400, 701, 10)]
+    path = tmp_path / "paints.csv"
+    path.write_text("\n".join(["pigment,wavelength_nm,absorption,scattering", *rows]) + "\n")
+    page.drop(path)
+    tile = page.until(lambda: page.all(".tile[data-paint='Mine'] .paint"), "the paint")[0]
+    tile.click()
+    page.settle()
+    stack = page.stack()
+    assert "Mine" in stack["pigments"]
+    check_swatch(page, stack)
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("poem.csv", "roses are red\n", "Poem.csv"),
+        ("empty.csv", " ", "Empty.csv is empty"),
+        ("stack.json", '{"glazejax": 1}', "This is no stack"),
+    ],
+)
+def test_files_that_are_none_are_one_sentence(page, tmp_path, name, content, words):
+    path = tmp_path / name
+    path.write_text(content)
+    page.drop(path)
+    page.until(lambda: words.lower() in page.said().lower(), words)
+    check_swatch(page, TWO)
+
+
+def test_a_file_of_two_gigabytes_is_not_even_read(page, tmp_path):
+    path = tmp_path / "huge.csv"
+    with path.open("wb") as file:
+        file.truncate(2 << 30)
+    page.drop(path)
+    page.until(lambda: "huge.csv has 2048 MB; the studio takes files of 16 MB at most" in page.said(), "the refusal")
+
+
+def test_a_lamp_of_ones_own(page, tmp_path):
+    page.js("document.querySelector('[data-at=lamp-file]').hidden = false")
+    dark = tmp_path / "heater.csv"
+    dark.write_text("nm,power\n800,1\n900,2\n")
+    page.at("lamp-file").send_keys(str(dark))
+    page.until(lambda: "420 to 680 nm" in page.said(), "the refusal")
+    even = tmp_path / "even.csv"
+    even.write_text("\n".join(f"{w},1" for w in range(360, 800, 10)))
+    page.at("lamp-file").send_keys(str(even))
+    page.until(lambda: page.at("lamp-3").get_attribute("value") == "even", "the lamp")
+    page.settle()
+    assert np.abs(page.pixel("under-3", 0.25, 0.5) - expected(TWO, "white", "E")).max() <= 1
+
+
+def test_a_stroke_is_painted_undone_and_painted_again(page):
+    from selenium.webdriver import ActionChains
+
+    page.at("tab-canvas").click()
+    canvas = page.at("easel")
+    page.until(lambda: page.js("return arguments[0].dataset.done", canvas), "the canvas")
+    drag = ActionChains(page.browser).move_to_element_with_offset(canvas, -140, 0).click_and_hold()
+    for _ in range(8):
+        drag = drag.move_by_offset(35, 0)
+    drag.release().perform()
+    page.until(lambda: "within" in page.at("easel-state").text, "the colours")
+    no_blue = {**TWO, "coats": [{**TWO["coats"][0], "um": 0}, TWO["coats"][1]]}
+
+    def near(x: float, y: float, stack: dict, side: str) -> bool:
+        return bool(np.abs(page.pixel("easel", x, y) - expected(stack, side)).max() <= 2)
+
+    page.until(lambda: near(0.35, 0.1, no_blue, "white"), "the bare canvas")
+    page.until(lambda: near(0.35, 0.5, TWO, "white"), "the stroke")
+    page.until(lambda: near(0.65, 0.5, TWO, "black"), "the stroke over black")
+    page.at("undo").click()
+    page.until(lambda: near(0.35, 0.1, TWO, "white"), "the even coat")
+    page.at("redo").click()
+    page.until(lambda: near(0.35, 0.1, no_blue, "white"), "the stroke again")
+    assert near(0.35, 0.5, TWO, "white")
+
+
+def test_the_canvas_is_brushed_by_keys(page):
+    from selenium.webdriver import Keys
+
+    page.at("tab-canvas").click()
+    canvas = page.at("easel")
+    page.until(lambda: page.js("return arguments[0].dataset.done", canvas), "the canvas")
+    canvas.send_keys(Keys.ARROW_LEFT * 8)
+    assert page.at("easel-state").text == "brush at 192, 256; space lays paint"
+    assert page.all(".ring")[0].is_displayed()
+    canvas.send_keys("   ")
+    bare = {**TWO, "coats": [{**TWO["coats"][0], "um": 0}, TWO["coats"][1]]}
+    for x, y, stack in ((0.1, 0.1, bare), (192.5 / 512, 0.5, TWO)):
+        found = expected(stack, "white")
+        page.until(lambda x=x, y=y, f=found: np.abs(page.pixel("easel", x, y) - f).max() <= 4, "the touch", 20)
+
+
+def test_maps_are_saved_and_loaded(page, downloads):
+    page.at("tab-canvas").click()
+    canvas = page.at("easel")
+    page.until(lambda: page.js("return arguments[0].dataset.done", canvas), "the canvas")
+    canvas.send_keys(" ")
+    page.at("map-npy").click()
+    path = downloads / "thickness Cobalt Blue.npy"
+    page.until(lambda: path.exists() and path.stat().st_size > 1 << 20, "the file")
+    map_ = np.load(path)
+    assert map_.shape == (512, 512)
+    assert map_.max() == pytest.approx(1e-6, rel=0.2)
+    assert map_[10, 10] == 0
+    np.save(downloads / "ramp.npy", np.tile(np.linspace(0, 4e-6, 64), (64, 1)))
+    page.js("document.querySelector('[data-at=map-file]').hidden = false")
+    page.at("map-file").send_keys(str(downloads / "ramp.npy"))
+    thick = {**TWO, "coats": [{**TWO["coats"][0], "um": 4}, TWO["coats"][1]]}
+    page.until(lambda: np.abs(page.pixel("easel", 0.995, 0.5) - expected(thick, "black")).max() <= 2, "the ramp")
+
+
+def test_what_is_taken_away_is_what_is_seen(page, downloads):
+    page.at("tab-away").click()
+    page.at("csv").click()
+    page.until((downloads / "spectra.csv").exists, "the table")
+    table = gj.io.read_spectra(downloads / "spectra.csv")
+    found = stack_from_dict(TWO)
+    np.testing.assert_allclose(table["over_white"], gj.reflectance(found.glaze(), found.seen_by), atol=3e-5)
+    page.at("json").click()
+    page.until((downloads / "stack.json").exists, "the stack")
+    assert gj.read_stack(downloads / "stack.json").shown == found.shown
+    text = page.until(lambda: page.at("python").get_attribute("value"), "the lines")
+    assert 'gj.Layer(oils["CobaltBlue"], 1e-06)' in text
+    page.at("png").click()
+    page.until((downloads / "glaze.png").exists, "the picture")
+
+
+def test_a_lost_connection_loses_nothing(page):
+    """The server goes and comes back at the same address, as after a crash."""
+    again = Served(token="again")
+    port = again.studio.port
+    page.link = again.studio.link
+    page.open(fragment(TWO))
+    again.stop()
+    page.until(lambda: page.at("state").text == "not connected", "the loss")
+    assert "what you made is kept" in page.said()
+    page.js("arguments[0].value = 1; arguments[0].dispatchEvent(new Event('input'))", page.at("slider"))
+    back = Served(port, "again")
+    try:
+        page.until(lambda: page.at("state").text == "ready", "the return")
+        page.settle()
+        stack = page.stack()
+        assert stack["coats"][0]["um"] == 10
+        check_swatch(page, stack)
+    finally:
+        back.stop()
+        page.errors()  # of the connection that was refused
+
+
+def test_two_pages_do_not_disturb_each_other(page, browser):
+    first = browser.current_window_handle
+    browser.switch_to.new_window("tab")
+    try:
+        page.open(fragment({**TWO, "coats": TWO["coats"][:1]}))
+        page.slide(page.at("slider"), 1.3)
+        check_swatch(page, page.stack())
+    finally:
+        browser.close()
+        browser.switch_to.window(first)
+    check_swatch(page, TWO)
+    page.slide(page.at("slider"), 0.3)
+    check_swatch(page, page.stack())
+
+
+def test_a_recipe_is_stopped_and_one_is_taken(page):
+    page.at("tab-backwards").click()
+    page.at("find").click()
+    page.until(lambda: page.all("[data-at=stop]"), "the search")[0].click()
+    page.until(lambda: page.said() == "Stopped.", "the end")
+    page.js("document.querySelector('[data-at=layers]').value = '1'")
+    page.at("find").click()
+    page.until(lambda: page.all("[data-at=take]"), "recipes", 400)[0].click()
+    page.settle()
+    stack = page.stack()
+    assert len(stack["coats"]) == 1
+    page.at("tab-look").click()
+    page.settle()
+    wanted = np.array([0x8A, 0x4B, 0x2D])
+    assert np.abs(page.pixel("swatch", 0.25, 0.5) - wanted).max() <= 6
+    page.at("undo").click()
+    page.settle()
+    assert page.stack()["coats"] == TWO["coats"]
+
+
+def write_film(path, film: str, rows: str = "") -> None:
+    """Some rows of a film of the samples."""
+    first, *lines = gj.samples.path().read_text().splitlines()
+    path.write_text("\n".join([first, *(line for line in lines if line.startswith(f"{film}_{rows}"))]) + "\n")
+
+
+def test_a_film_is_identified_and_recovered(page, tmp_path):
+    """Vermilion over cards, 06A of the samples: 'none of these' is in the list, and one click takes the film."""
+    write_film(tmp_path / "film.csv", "06A")
+    page.drop(tmp_path / "film.csv")
+    page.until(lambda: page.at("identify").is_displayed() and page.at("identify").is_enabled(), "the film")
+    page.at("identify").click()
+    page.until(lambda: "In 06A" in page.js("return document.querySelector('.found').textContent"), "the answer", 400)
+    text = page.js("return document.querySelector('.found').textContent")
+    assert "none of these paints" in text
+    page.all("[data-at=take]")[0].click()
+    page.settle()
+    stack = page.stack()
+    assert list(stack["coats"][0]["paint"]) == ["Vermillion"]
+    page.at("recover").click()
+    page.until(lambda: page.all(".tile[data-paint='06A']"), "the paint", 400)[0].find_element(
+        "css selector", "button"
+    ).click()
+    page.settle()
+    stack = page.stack()
+    assert list(stack["pigments"]) == ["06A"]
+    page.at("tab-look").click()
+    page.settle()
+    check_swatch(page, stack)
+
+
+def test_a_spectrum_becomes_the_ground(page, tmp_path):
+    write_film(tmp_path / "film.csv", "06A", "ow")
+    page.drop(tmp_path / "film.csv")
+    page.until(lambda: "06A_ow" in page.at("aim").text, "the spectrum")
+    page.js("arguments[0].value = 'spectrum'; arguments[0].dispatchEvent(new Event('change'))", page.at("ground"))
+    page.at("tab-look").click()
+    page.settle()
+    stack = page.stack()
+    assert len(stack["ground"]["wavelengths"]) == 31
+    assert np.abs(page.pixel("swatch", 0.5, 0.4) - expected(stack, "white")).max() <= 1
+
+
+def test_a_colour_is_picked_in_a_photograph(page, tmp_path):
+    from PIL import Image
+
+    picture = np.zeros((20, 30, 3), np.uint8)
+    picture[:, :15], picture[:, 15:] = (200, 120, 40), (10, 200, 90)
+    Image.fromarray(picture).save(tmp_path / "photo.png")
+    page.drop(tmp_path / "photo.png")
+    photo = page.at("photo")
+    page.until(photo.is_displayed, "the photograph")
+    photo.click()  # in its middle, at the edge of the right half
+    assert page.at("wanted").get_attribute("value") in {"#0ac85a", "#49ad49"}
+
+
+def test_a_colour_beyond_srgb_is_marked(page):
+    page.open(fragment({**TWO, "coats": [{"paint": {"ChromeYellow": 1}, "um": 200}]}))
+    found = stack_from_dict({**TWO, "coats": [{"paint": {"ChromeYellow": 1}, "um": 200}]})
+    spectrum = gj.reflectance(found.glaze(), found.seen_by)
+    assert np.asarray(colour.srgb(found.glaze().wavelengths, spectrum, clip=False)).min() < -0.002
+    assert "outside sRGB" in page.js("return document.querySelector('.beyond')?.textContent ?? ''")
+    page.open(fragment({**TWO, "coats": [{"paint": {"ZincWhite": 1}, "um": 200}]}))
+    assert page.all(".beyond") == []
+
+
+def test_by_keyboard_alone(page):
+    """Every control is reached by Tab, and has a name."""
+    from selenium.webdriver import ActionChains, Keys
+
+    page.js("document.activeElement.blur()")
+    reached = set()
+    for _ in range(40):
+        ActionChains(page.browser).send_keys(Keys.TAB).perform()
+        code = """
+            const e = document.activeElement, name = e.getAttribute("aria-label") || e.textContent;
+            return [e.tagName, e.dataset.at, name, getComputedStyle(e).outlineStyle]"""
+        tag, at, name, outline = page.js(code)
+        assert name or tag == "BODY", (tag, at)
+        assert outline != "none" or tag == "BODY", (tag, at)
+        reached.add(at)
+    assert {"tab-look", "pin", "lamp-0", "slider", "um", "handle", "hide"} <= reached
+
+
+@pytest.mark.parametrize("width", [1440, 1024, 390])
+def test_nothing_is_wider_than_the_page(page, width):
+    command = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}
+    page.browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", command)
+    try:
+        for tab in ("look", "canvas", "backwards", "away"):
+            page.at(f"tab-{tab}").click()
+            assert page.js("return document.documentElement.scrollWidth") <= width
+    finally:
+        page.browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})

@@ -1,0 +1,214 @@
+"""The studio's door: token, Host, Origin, sizes; and its command."""
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+from urllib.error import HTTPError
+from urllib.request import Request, urlopen
+
+import pytest
+from typer.testing import CliRunner
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
+from websockets.typing import Origin
+
+import glazejax as gj
+from glazejax.extras import advice
+from glazejax.stacks import stack_from_dict
+from glazejax.studio import jobs, server
+from glazejax.studio.wire import MOST_BYTES, unpack
+
+from .browser import Served
+
+
+@pytest.fixture(scope="module")
+def served():
+    found = Served(tasks={"echo": "tests.studio.test_server:echo", "fail": "tests.studio.test_server:fail"})
+    yield found
+    found.stop()
+
+
+def echo(asked, report):
+    report("echoing")
+    return asked["options"]
+
+
+def fail(asked, report):
+    raise ValueError("nothing comes of this")
+
+
+def get(link: str, **headers: str) -> tuple[int, str, dict[str, str]]:
+    try:
+        with urlopen(Request(link, headers=headers), timeout=30) as found:
+            return found.status, found.read().decode(), dict(found.headers)
+    except HTTPError as error:
+        return error.code, error.read().decode(), dict(error.headers)
+
+
+def test_the_page_loads_nothing_from_elsewhere(served):
+    status, text, headers = get(served.studio.link)
+    assert status == 200
+    assert "<noscript>" in text
+    policy = headers["content-security-policy"]
+    assert policy.startswith("default-src 'none'; script-src 'self'; style-src 'self';")
+    assert "unsafe" not in policy
+    for name in ("main.js", "studio.js", "style.css"):
+        status, text, _ = get(served.studio.link + name)
+        assert status == 200
+        assert "https://" not in text
+        assert "http://" not in text.replace("http://www.w3.org/2000/svg", "")
+
+
+def test_it_listens_on_this_computer_alone(served):
+    assert served.studio._socket.getsockname()[0] == "127.0.0.1"
+
+
+@pytest.mark.parametrize(
+    ("path", "headers", "status"),
+    [
+        ("", {"Host": "evil.example"}, 403),
+        ("", {"Origin": "http://evil.example"}, 403),
+        ("main.js", {"Origin": "null"}, 403),
+        ("../../etc/passwd", {}, 403),
+        ("%2e%2e%2fserver.py", {}, 403),
+        ("nothing.js", {}, 404),
+    ],
+)
+def test_others_are_refused(served, path, headers, status):
+    found, text, _ = get(served.studio.link + path, **headers)
+    assert found in {status, 404}
+    assert "script" not in text
+
+
+def test_without_its_token_nothing_is_answered(served):
+    base = f"http://127.0.0.1:{served.studio.port}/"
+    for path in ("", "guess/", "guess/main.js", f"{'x' * 32}/"):
+        status, text, _ = get(base + path)
+        assert status == 403
+        assert "open the link that glazejax studio printed" in text
+
+
+@pytest.mark.parametrize(
+    ("token", "origin"), [(None, "http://evil.example"), (None, None), ("guess", "own"), (None, "null")]
+)
+def test_sockets_of_others_are_refused(served, token, origin):
+    studio = served.studio
+    link = f"ws://127.0.0.1:{studio.port}/{token or studio.token}/socket"
+    asked = f"http://127.0.0.1:{studio.port}" if origin == "own" else origin
+    found = None if asked is None else Origin(asked)
+    with pytest.raises((InvalidStatus, ConnectionClosed)), connect(link, origin=found) as refused:
+        refused.recv(timeout=10)
+
+
+@pytest.fixture
+def talk(served):
+    studio = served.studio
+    link = f"ws://127.0.0.1:{studio.port}/{studio.token}/socket"
+    with connect(link, origin=Origin(f"http://127.0.0.1:{studio.port}"), max_size=None) as found:
+        yield found
+
+
+def until(talk, *types: str) -> dict:
+    while True:
+        header = unpack(talk.recv(timeout=120))[0]
+        if header["type"] in types and "progress" not in header:
+            return header
+
+
+STACK = {"glazejax": "stack", "coats": [{"paint": {"Eosin": 1}, "um": 1}]}
+
+
+def test_a_message_that_is_none_is_a_sentence(talk):
+    talk.send("{")
+    assert "not JSON" in until(talk, "error")["words"]
+    talk.send(b"\xff\xff\xff\xff")
+    assert "header" in until(talk, "error")["words"]
+
+
+def test_a_message_that_is_too_large_ends_the_socket(talk):
+    with contextlib.suppress(ConnectionClosed):
+        talk.send(b"\0" * (MOST_BYTES + 1))
+    with pytest.raises(ConnectionClosed):
+        talk.recv(timeout=30)
+
+
+def test_a_search_runs_beside_and_its_errors_are_told(talk):
+    ask = {"type": "start", "task": "echo", "name": "one", "stack": STACK, "options": {"a": 1}}
+    talk.send(json.dumps(ask))
+    assert until(talk, "job")["result"] == {"a": 1}
+    talk.send(json.dumps({**ask, "task": "fail"}))
+    assert until(talk, "job")["error"] == "nothing comes of this"
+    talk.send(json.dumps({**ask, "task": "none"}))
+    assert "'none' is not installed" in until(talk, "error")["words"]
+
+
+def test_what_can_be_searched_is_registered():
+    """In pyproject, and so in an installed glazejax."""
+    import tomllib
+    from importlib import import_module
+    from pathlib import Path
+
+    project = tomllib.loads((Path(__file__).parents[2] / "pyproject.toml").read_text())["project"]
+    listed = project["entry-points"]["glazejax.studio"]
+    assert set(listed) == {"recipes", "identify", "recover"}
+    for target in listed.values():
+        module, _, name = target.partition(":")
+        assert callable(getattr(import_module(module), name))
+    assert isinstance(jobs.find_tasks(), dict)
+
+
+def test_the_command_prints_its_link_and_ends_with_ctrl_c(tmp_path):
+    stack = gj.write_stack(tmp_path / "stack.json", stack_from_dict(STACK))
+    code = (
+        "import typer; from glazejax.studio.command import register; app = typer.Typer(); register(app); "
+        f"app(['--no-open', {str(stack)!r}])"
+    )
+    process = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, env=os.environ)
+    assert process.stdout is not None
+    line = process.stdout.readline()
+    link, _, fragment = line.removeprefix("The studio is at ").strip().partition("#")
+    assert "Eosin" in fragment
+    assert get(link)[0] == 200
+    process.send_signal(signal.SIGINT)
+    assert process.wait(60) == 0
+    assert "The studio is closed" in process.stdout.read()
+
+
+def test_options_of_the_command(monkeypatch, tmp_path):
+    import typer
+
+    from glazejax.studio import command
+
+    app, called = typer.Typer(), []
+    command.register(app)
+    monkeypatch.setattr("glazejax.commands.main.start_jax", lambda: None)
+    monkeypatch.setattr(
+        command, "serve", lambda port, fragment, open_browser: called.append((port, fragment, open_browser))
+    )
+    run = CliRunner()
+    assert run.invoke(app, []).exit_code == 0
+    assert run.invoke(app, ["--no-open", "--port", "8123"]).exit_code == 0
+    assert called == [(0, "", True), (8123, "", False)]
+    wrong = run.invoke(app, ["--port", "99999"])
+    assert "--port is 99999" in str(wrong.exception)
+    missing = run.invoke(app, [str(tmp_path / "none.json")])
+    assert isinstance(missing.exception, FileNotFoundError)
+
+
+def test_a_port_that_is_taken_is_one_sentence(served):
+    from glazejax.studio.command import serve
+
+    with pytest.raises(ValueError, match=f"--port {served.studio.port} cannot be used"):
+        serve(served.studio.port, "", open_browser=False)
+
+
+def test_a_missing_package_is_one_sentence(monkeypatch):
+    def missing(*modules):
+        raise ModuleNotFoundError(advice(modules[0]))
+
+    monkeypatch.setattr(server, "require", missing)
+    with pytest.raises(ModuleNotFoundError, match=r'pip install "glazejax\[studio\]"'):
+        server.Studio()

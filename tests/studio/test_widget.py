@@ -1,0 +1,136 @@
+"""The studio in a notebook: its stack is read and set in Python, and its page is the same one."""
+
+import base64
+import json
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+import traitlets
+
+import glazejax as gj
+from glazejax import colour
+from glazejax.stacks import stack_from_dict
+
+from .browser import start_browser
+
+pytest.importorskip("anywidget", reason="anywidget is not installed (extra studio)")
+
+from glazejax.studio import Widget, widget
+from glazejax.studio.wire import pack, unpack
+
+STACK = {"glazejax": "stack", "coats": [{"paint": {"Eosin": 1}, "um": 4}]}
+
+
+@pytest.fixture
+def told(monkeypatch):
+    """A widget, and what it sends to its page."""
+    found: Any = Widget(STACK, tasks={})
+    sent = []
+    monkeypatch.setattr(found, "send", lambda content, buffers: sent.append((content, bytes(buffers[0]))))
+    yield found, sent
+    found.close()
+
+
+def test_its_stack_is_read_and_set(told):
+    found: Any = told[0]
+    assert found.stack["coats"] == [{"paint": {"Eosin": 1.0}, "um": 4.0}]
+    found.stack = {**STACK, "coats": []}
+    assert found.stack["coats"] == []
+    found.set_trait("stack", stack_from_dict(STACK))
+    assert found.stack["ground"] == "card"
+    with pytest.raises(ValueError, match="there is no pigment"):
+        found.stack = {**STACK, "coats": [{"paint": {"Nothing": 1}, "um": 4}]}
+    assert found.stack["ground"] == "card"
+    assert isinstance(type(found).stack, traitlets.TraitType)
+    assert "stack" in found.keys
+
+
+def test_a_question_is_answered_and_what_is_seen_is_kept(told):
+    found, sent = told
+    found._session.take({"glaze": "question"}, [pack({"type": "see", "stack": found.stack, "view": {}})])
+    content, message = sent[-1]
+    assert content == {"glaze": "answer"}
+    assert unpack(message)[0]["type"] == "seen"
+    stack = stack_from_dict(STACK)
+    expected = np.asarray(gj.reflectance(stack.glaze(), stack.seen_by))
+    np.testing.assert_allclose(found.seen["reflectance"], expected, atol=3e-5)
+    np.testing.assert_allclose(
+        found.seen["rgb"], 255 * np.asarray(colour.srgb(found.seen["wavelengths"], expected)), atol=1
+    )
+    found._session.take("nonsense", [])
+
+
+def test_its_one_module_has_nothing_to_import():
+    text = widget.bundle()
+    assert "\nimport " not in text
+    assert text.count("export ") == 1
+
+
+_PAGE = """
+const [text, css, stack] = arguments;
+const sheet = new CSSStyleSheet();
+sheet.replaceSync(css);
+document.adoptedStyleSheets = [sheet];
+window.questions = [];
+const calls = {}, state = {stack};
+const encode = (buffer) => btoa(String.fromCharCode(...new Uint8Array(buffer)));
+const model = {
+  get: (name) => state[name],
+  set: (name, value) => { state[name] = value; },
+  save_changes: () => { window.saved = JSON.stringify(state.stack); },
+  send: (content, _, buffers) => window.questions.push(encode(buffers[0])),
+  on: (name, call) => { calls[name] = call; },
+  off: () => {},
+};
+window.answer = (message) => {
+  const bytes = Uint8Array.from(atob(message), (c) => c.charCodeAt(0));
+  calls["msg:custom"]({glaze: "answer"}, [new DataView(bytes.buffer)]);
+};
+window.follow = (stack) => { state.stack = stack; calls["change:stack"](); };
+const el = document.createElement("div");
+document.body.replaceChildren(el);
+import(URL.createObjectURL(new Blob([text], {type: "text/javascript"}))).then((m) => m.default.render({model, el}));
+"""
+
+
+@pytest.mark.browser
+def test_its_page_is_the_same_studio(told, tmp_path):
+    """A model that carries messages between Chromium and the widget, as a notebook's does."""
+    found, sent = told
+    browser = start_browser(tmp_path)
+    try:
+        browser.get("about:blank")
+        browser.execute_script(_PAGE, widget.bundle(), found._css, found.stack)
+
+        def carry(until, seconds=60):
+            end = time.monotonic() + seconds
+            while time.monotonic() < end:
+                for question in browser.execute_script("return (window.questions ?? []).splice(0)"):
+                    found._session.take({"glaze": "question"}, [base64.b64decode(question)])
+                for _, message in sent:
+                    browser.execute_script("window.answer(arguments[0])", base64.b64encode(message).decode())
+                sent.clear()
+                if browser.execute_script(f"return {until}"):
+                    return
+                time.sleep(0.05)
+            raise AssertionError(f"{until}: {browser.get_log('browser')}")
+
+        carry("!!document.querySelector('.glaze-studio')?.dataset.seen")
+        code = """
+            const c = document.querySelector("[data-at=swatch]");
+            return [...c.getContext("2d").getImageData(c.width / 4, c.height / 2, 1, 1).data].slice(0, 3)"""
+        carry("document.querySelector('.glaze-studio').dataset.busy === ''")
+        assert np.abs(np.array(browser.execute_script(code)) - found.seen["rgb"]).max() <= 1
+        # The page's slider reaches Python, and Python's stack the page.
+        browser.execute_script(
+            "const s = document.querySelector('[data-at=slider]'); s.value = 1; s.dispatchEvent(new Event('input'))"
+        )
+        carry("!!window.saved && JSON.parse(window.saved).coats[0].um === 10")
+        found.stack = json.loads(browser.execute_script("return window.saved"))
+        assert found.stack["coats"][0]["um"] == 10
+        browser.execute_script("window.follow(arguments[0])", {**found.stack, "coats": []})
+        carry("document.querySelectorAll('.coat').length === 0")
+    finally:
+        browser.quit()

@@ -1,0 +1,97 @@
+"""Stacks as files: what is written is read again, and what is wrong is one sentence."""
+
+import json
+
+import numpy as np
+import pytest
+
+import glazejax as gj
+from glazejax.paint.describe import Coat
+from glazejax.stacks import BLACK, WHITE, Hiding, Spectrum, parse_stack, stack_from_dict, stack_to_dict
+
+COATS = [{"paint": {"CobaltBlue": 1}, "um": 2}, {"paint": {"ZincWhite": 9, "Eosin": 1}, "um": 20, "hidden": True}]
+GIVEN = {"glazejax": "stack", "version": 1, "coats": COATS, "ground": 0.6, "geometry": "d:8", "refractive_index": 1.4}
+GRID = [400.0, 500.0, 600.0, 700.0]
+MINE = {"wavelengths": GRID, "absorption": [1e4, 2e4, 3e4, 4e4], "scattering": [1e3, 1e3, 1e3, 1e3]}
+
+
+def test_a_file_that_was_written_is_read_again(tmp_path):
+    stack = stack_from_dict({**GIVEN, "pigments": {"Mine": MINE}})
+    path = gj.write_stack(tmp_path / "stack.json", stack)
+    again = gj.read_stack(path)
+    assert stack_to_dict(again) == stack_to_dict(stack)
+    assert again.coats[1] == Coat(((0.9, "ZincWhite"), (0.1, "Eosin")), 20e-6, 1)
+    assert again.hidden == (False, True)
+    np.testing.assert_allclose(again.pigments["Mine"].absorption, MINE["absorption"])
+    with pytest.raises(FileExistsError, match="overwrite=True"):
+        gj.write_stack(path, stack)
+
+
+def test_the_glaze_is_that_of_the_shown_coats():
+    stack = stack_from_dict(GIVEN)
+    blue = gj.catalogue.pigment("CobaltBlue")
+    expected = gj.reflectance(gj.Glaze([gj.Layer(blue, 2e-6)], 0.6, 1.4), gj.Hemispherical(8.0))
+    np.testing.assert_allclose(gj.reflectance(stack.glaze(), stack.seen_by), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("ground", "level"),
+    [("white", WHITE), ("black", BLACK), ("card", WHITE), (0.25, 0.25), ({"paint": {"Eosin": 1}}, 0.5)],
+)
+def test_grounds(ground, level):
+    stack = stack_from_dict({**GIVEN, "ground": ground})
+    assert stack.level() == level
+    assert len(stack.shown) == (2 if isinstance(stack.ground, Hiding) else 1)
+    assert stack_to_dict(stack)["ground"] == ground
+
+
+def test_a_measured_ground_cuts_the_wavelengths_to_its_own():
+    spectrum = {"wavelengths": [430.0, 500.0, 600.0], "reflectance": [0.2, 0.3, 0.4]}
+    stack = stack_from_dict({**GIVEN, "ground": spectrum})
+    assert isinstance(stack.ground, Spectrum)
+    glaze = stack.glaze()
+    assert (glaze.wavelengths[0], glaze.wavelengths[-1]) == (430.0, 600.0)
+    np.testing.assert_allclose(np.asarray(glaze.substrate)[[0, -1]], [0.2, 0.4])
+
+
+def test_paints_of_two_catalogues_share_their_wavelengths():
+    coats = [{"paint": {"acrylics/TitaniumWhite": 1}, "um": 9}, {"paint": {"Eosin": 1}, "um": 3}]
+    glaze = stack_from_dict({**GIVEN, "coats": coats}).glaze()
+    assert (glaze.wavelengths[0], glaze.wavelengths[-1]) == (400.0, 700.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"glazejax": "scene"}, '"glazejax": "stack"'),
+        ({"version": 2}, "version 2"),
+        ({"coat": []}, "a stack has no 'coat'"),
+        ({"coats": [{"paint": {"CobaltBleu": 1}, "um": 1}]}, "coat 1: there is no pigment 'CobaltBleu'.*CobaltBlue"),
+        ({"coats": [{"paint": {"Eosin": 1}, "um": 1e9}]}, "coat 1 is .* micrometres thick; .* between 0 and 10000"),
+        ({"coats": [{"paint": {"Eosin": 1}, "um": -1}]}, "between 0 and 10000"),
+        ({"coats": [{"paint": {"Eosin": 1}, "um": None}]}, "coat 1 is None micrometres"),
+        ({"coats": [{"paint": {"Eosin": 0}, "um": 1}]}, "all parts are 0"),
+        ({"coats": [{"paint": {"Eosin": -1}, "um": 1}]}, "the part of Eosin is -1"),
+        ({"coats": [{"paint": dict.fromkeys("abcde", 1), "um": 1}]}, "1 to 4 paints"),
+        ({"coats": [{"um": 1}]}, 'coat 1 must have "paint" and "um"'),
+        ({"ground": 1.2}, "the ground is 1.2; .* between 0 and 1"),
+        ({"ground": "pink"}, "white, black or card"),
+        ({"ground": {"wavelengths": GRID, "reflectance": [0.1, 0.2]}}, "one reflectance"),
+        ({"geometry": "sideways"}, "geometry is 'sideways'"),
+        ({"refractive_index": 3}, "refractive_index is 3"),
+        ({"pigments": {"Mine": {"wavelengths": GRID}}}, "paint 'Mine' must have"),
+        ({"pigments": {"Mine": {**MINE, "absorption": [1, 2, 3, -4]}}}, "absorption of 'Mine'"),
+    ],
+)
+def test_what_is_wrong_is_one_sentence(change, words):
+    with pytest.raises(ValueError, match=words) as raised:
+        parse_stack(json.dumps({**GIVEN, **change}))
+    assert "\n" not in str(raised.value)
+
+
+def test_text_that_is_no_stack(tmp_path):
+    path = tmp_path / "stack.json"
+    for text in ("{", "[1]", "NaN"):
+        path.write_text(text)
+        with pytest.raises(ValueError, match="stack"):
+            gj.read_stack(path)
