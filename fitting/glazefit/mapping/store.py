@@ -290,8 +290,29 @@ def _attributes(path: Path) -> dict[str, Any] | None:
 def _differences(there: Mapping[str, Any], wanted: Mapping[str, Any], limit: int = 3) -> str:
     """In words, how options differ; empty if they do not."""
     names = [name for name in dict.fromkeys([*there, *wanted]) if there.get(name) != wanted.get(name)]
-    told = [f"{name}: {_short(there.get(name))} there, {_short(wanted.get(name))} now" for name in names[:limit]]
+    told = [_difference(name, there.get(name), wanted.get(name)) for name in names[:limit]]
     return "; ".join([*told, *([f"{len(names) - limit} more"] if len(names) > limit else [])])
+
+
+def _difference(name: str, there: Any, wanted: Any) -> str:
+    """How one option differs: both values if they are short, or the parts in which they do."""
+    if isinstance(there, Mapping) and isinstance(wanted, Mapping):
+        parts = [part for part in dict.fromkeys([*there, *wanted]) if there.get(part) != wanted.get(part)]
+        words = [
+            f"{part} is {'new' if part not in there else 'gone' if part not in wanted else 'another'}"
+            for part in parts[:3]
+        ]
+        return f"{name}: {', '.join([*words, *([f'{len(parts) - 3} more'] if len(parts) > 3 else [])])}"
+    if any(isinstance(value, list) and len(value) > 4 for value in (there, wanted)):
+        return f"{name}: {_size(there)} there, {_size(wanted)} now"
+    return f"{name}: {_short(there)} there, {_short(wanted)} now"
+
+
+def _size(value: Any) -> str:
+    """A long list by its ends."""
+    if isinstance(value, list) and len(value) > 4:
+        return f"{_short(value[0])} to {_short(value[-1])} ({len(value)})"
+    return _short(value)
 
 
 def _short(value: Any) -> str:
