@@ -128,6 +128,24 @@ def one_reading() -> str:
     return f"is predicted over black within {mean:.2f} on average and {median:.2f} in the median"
 
 
+def studio() -> str:
+    """Rows of the table; only they change from run to run."""
+    rows = all_of(r"slider to swatch drawn, \d coats? +(\d+) +(\d+)", result("studio"))
+    rows += all_of(r"touch of the brush to pixels +(\d+) +(\d+)", result("studio"))
+    rows += all_of(r"all 512 x 512 pixels anew +(\d+) +(\d+)", result("studio"))
+    names = ("new pixels, 1 coat", "3 coats", "8 coats", "a touch of the brush to pixels", "all 512 x 512 pixels anew")
+    cells = [f"| {median:.0f} ms | {most:.0f} ms |" for median, most in zip(rows[::2], rows[1::2], strict=True)]
+    first = "slider's event to the swatch's "
+    return " ".join(
+        f"| {first * (not i)}{name} {cell}" for i, (name, cell) in enumerate(zip(names, cells, strict=True))
+    )
+
+
+def studio_start() -> str:
+    first, again = all_of(r"page usable ([\d.]+) s later", result("studio"))
+    return f"The page is usable {again} s after it is opened, and {first} s the very first time"
+
+
 def none_found() -> str:
     false, found = all_of(r"\nglazejax .*?\) +(\d+)% +(\d+)%", result("truth"))
     held, count = all_of(r"INTERVALS of fractions, [^:]*: (\d+)% of (\d+)", result("truth"))
@@ -165,6 +183,8 @@ def test_none_grows_with_the_misfit_as_films_left_out_say():
         ("docs/accuracy.md", none_found),
         ("README.md", predicted),
         ("docs/accuracy.md", one_reading),
+        ("docs/studio.md", studio),
+        ("docs/studio.md", studio_start),
     ],
     ids=lambda value: value.__name__ if callable(value) else "",
 )

@@ -5,6 +5,7 @@ from . import io as io
 from . import plots as plots
 from . import samples as samples
 from . import spectra as spectra
+from . import studio as studio
 from .geometry import Bidirectional as Bidirectional
 from .geometry import Hemispherical as Hemispherical
 from .geometry import Instrument as Instrument

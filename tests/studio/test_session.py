@@ -136,6 +136,7 @@ def test_a_bare_card_is_seen_too(ask):
         ({"type": "start", "task": "recipes", "stack": STACK}, "'recipes' is not installed"),
         ({"type": "canvas", "stack": STACK, "coats": [[9, 5]]}, "a brushed coat"),
         ({"type": "canvas", "stack": STACK, "coats": [[0, 5]] * 4}, "1 to 3 coats"),
+        ({"type": "canvas", "stack": STACK, "coats": [[0, 5]]}, "the map of brushed coat 0 is missing"),
         ({"type": "file", "name": "empty.csv"}, "empty.csv is empty"),
     ],
 )
@@ -181,6 +182,25 @@ def test_a_dropped_file_of_paints(ask):
     [(header, _)] = ask({"type": "file", "name": "paints.csv"}, rest=bad)
     assert header["words"].startswith("paints.csv")
     assert "'many'" in header["words"]
+
+
+JUNK = (None, True, -1, 1e30, float("nan"), "", "x", [], [1, "a"], {}, {"a": 1}, ["D65", 3], [[0, 1]])
+
+
+@pytest.mark.parametrize("message", ["see", "canvas", "check", "lines", "lamp", "start", "stop", "file", "hello"])
+def test_junk_in_any_place_is_told_and_never_a_fault(ask, message):
+    """Whatever stands where something else should: an answer, and no exception that was not meant."""
+    usual = {"stack": STACK, "view": {"lamps": ["D65"]}, "coats": [[0, 5]], "lamp": {}, "task": "none", "name": "a"}
+    usual |= {"options": {}, "number": 1}
+    places = [(key,) for key in usual] + [("view", key) for key in ("lamps", "light", "view", "pinned", "repeated")]
+    places += [("stack", key) for key in ("coats", "ground", "geometry", "refractive_index", "pigments", "version")]
+    for place in places if message != "hello" else places[:1]:
+        for junk in JUNK if message != "hello" else JUNK[:1]:
+            given = json.loads(json.dumps({"type": message, **usual}))
+            holder = given if len(place) == 1 else given[place[0]]
+            holder[place[-1]] = junk
+            for header, _ in ask(given):
+                assert "failed at this" not in header.get("words", ""), (place, junk, header["words"])
 
 
 def test_a_dropped_file_of_spectra(ask):

@@ -60,12 +60,14 @@ class Easel:
             ValueError: more than three brushed coats, or maps that do not fit.
         """
         chosen = _chosen(brushed, stack)
+        if missing := [n for n in range(len(chosen)) if str(n) not in maps]:
+            raise ValueError(f"the map of brushed coat {missing[0]} is missing from the message")
         columns = {f"coat {i}": np.asarray(maps[str(n)], float).ravel() * 1e-6 for n, (i, _) in enumerate(chosen)}
         tops = {f"coat {i}": top * 1e-6 for i, top in chosen}
         table, white = self._table(stack, tops, lamp, tell)
         count = next(iter(columns.values())).size
-        if any(column.size != count for column in columns.values()):
-            raise ValueError("the maps of thickness differ in size")
+        if count == 0 or any(column.size != count for column in columns.values()):
+            raise ValueError("the maps of thickness are empty or differ in size")
         for name, column in columns.items():
             if not np.all(np.isfinite(column)):
                 raise ValueError("a map of thickness holds what is no number")

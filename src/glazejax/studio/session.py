@@ -162,6 +162,8 @@ class Session:
 
     def _on_start(self, header: dict[str, Any], arrays: Any, rest: bytes) -> None:
         """A search: recipes for a colour, what is in a film, paints from films."""
+        if not isinstance(header.get("options", {}), dict):
+            raise ValueError("the options of a search must be an object")
         task, name = str(header.get("task")), str(header.get("name"))[:80]
         stack = _stack(header)
         given = {"stack": stack_to_dict(stack), "options": header.get("options", {})}
@@ -200,9 +202,13 @@ def _view(given: Any) -> View:
             raise ValueError(f"an angle is {angle!r}; light and view lie between 0 and 85 degrees from the normal")
     pinned = given.get("pinned")
     if pinned is not None:
-        pinned = tuple(float(value) for value in pinned)
-        if len(pinned) != 3 or not all(abs(value) < 1000 for value in pinned):
-            raise ValueError("the pinned colour must be three numbers, L*, a*, b*")
+        match pinned:
+            case [int() | float() as lightness, int() | float() as a, int() | float() as b]:
+                pinned = float(lightness), float(a), float(b)
+            case _:
+                raise ValueError("the pinned colour must be three numbers, L*, a*, b*")
+        if not all(abs(value) < 1000 for value in pinned):
+            raise ValueError(f"the pinned colour is {pinned}, which no surface has")
     repeated = given.get("repeated", 0)
     repeated = repeated if isinstance(repeated, int) and repeated >= 0 else 0
     return View(tuple(map(_lamp, lamps)), float(angles[0]), float(angles[1]), repeated, pinned)
@@ -212,6 +218,8 @@ def _lamp(given: Any) -> Any:
     if isinstance(given, str):
         return colour.find_illuminant(given)
     match given:
-        case {"name": str(name), "wavelengths": [*grid], "power": [*power]} if len(grid) <= 2000:
+        case {"name": str(name), "wavelengths": [*grid], "power": [*power]} if len(grid) <= 2000 and all(
+            isinstance(value, int | float) for value in (*grid, *power)
+        ):
             return name, np.array(grid, float), np.array(power, float)
     raise ValueError("a lamp is a name such as D65, or has a name, wavelengths and power")

@@ -2,7 +2,7 @@
 import { el, hex } from "./dom.js";
 
 export function backwardsPanel(store) {
-  const colour = el("input", { type: "color", value: "#8a4b2d", "aria-label": "Colour wanted", "data-at": "wanted", onchange: () => { target = null; showTarget(); } });
+  const colour = el("input", { type: "color", value: "#8a4b2d", "aria-label": "Colour wanted", "data-at": "wanted", oninput: () => { target = null; showTarget(); } });
   const photo = el("canvas.photo", { hidden: true, tabIndex: 0, role: "img", "aria-label": "Photograph: click to pick its colour", "data-at": "photo" });
   const aim = el("p.under", { "data-at": "aim" });
   const coats = el("select", { "aria-label": "Coats", "data-at": "layers" }, el("option", { value: 1 }, "one coat"), el("option", { value: 2, selected: true }, "up to two coats"));
@@ -104,7 +104,7 @@ export function backwardsPanel(store) {
   });
 
   function card(rgb, title, lines, take, words) {
-    const chip = el("span.chip");
+    const chip = el(rgb ? "span.chip" : "span.chip.none");
     if (rgb) chip.style.background = hex(rgb);
     return el("article.answer", {}, chip, el("div", {}, el("strong", {}, title), ...lines.map((line) => el("span", {}, line))),
       take ? el("button", { type: "button", "data-at": "take", onclick: () => { store.take(take); store.say(words); } }, "Take") : null);
@@ -114,10 +114,13 @@ export function backwardsPanel(store) {
     found.replaceChildren(el("h3", {}, `Recipes for ${result.target}`), el("p.under", {}, `best first, found in ${seconds.toFixed(0)} s${unit}`),
       ...result.recipes.map((one) => card(one.rgb, `ΔE00 ${one.delta_e.toFixed(2)}`, [one.stack.coats.map((coat) => store.words(coat)).join(" over "), `± ${one.between.toFixed(1)} from one mixing to the next`], one.stack, "The recipe is the stack now; undo brings back what was there.")));
   }
+  // Paints as the shelf calls them.
+  const named = (one) => Object.keys(Object.assign({}, ...(one.stack?.coats ?? []).map((coat) => coat.paint))).sort((a, b) => b.length - a.length)
+    .reduce((words, name) => words.replaceAll(new RegExp(`(?<![A-Za-z])${name.replace(/[^\w]/g, "\\$&")}(?![A-Za-z])`, "g"), store.entries.get(name)?.label ?? name), one.words);
   function showIdentified(result, seconds) {
     found.replaceChildren(...result.spectra.flatMap((one) => [
       el("h3", {}, `In ${one.name}`), el("p.under", {}, `${one.words}; ${seconds.toFixed(0)} s`),
-      ...one.candidates.map((each) => card(each.rgb, `${(100 * each.probability).toFixed(each.probability < 0.1 ? 1 : 0)} %`, [each.words, each.fit].filter(Boolean), each.stack, "The film is the stack now; undo brings back what was there.")),
+      ...one.candidates.map((each) => card(each.rgb, `${(100 * each.probability).toFixed(each.probability < 0.1 ? 1 : 0)} %`, [named(each), each.fit].filter(Boolean), each.stack, "The film is the stack now; undo brings back what was there.")),
     ]));
   }
   function showRecovered(result) {

@@ -148,7 +148,8 @@ export function lookPanel(store) {
     }
     pin.textContent = store.pinned ? "Unpin" : "Pin this colour";
 
-    const coat = store.coat();
+    // The server repeats the selected coat, or the uppermost where that one is hidden.
+    const coat = store.shown[store.viewNow().repeated];
     ladder.setAttribute("aria-label", coat ? `1 to ${store.steps.at(-1)} coats of ${store.label(coat)}` : "No coat");
     ladderTitle.textContent = coat ? `Ladder of coats: ${store.label(coat)}` : "Ladder of coats";
     ladder.replaceChildren(...store.steps.map((count, i) => {
