@@ -94,7 +94,9 @@ class Stack:
 
     def level(self, side: str = "white") -> "float | Spectrum":
         """Reflectance of the ground; of a card, that of its white or black side."""
-        if isinstance(self.ground, float | Spectrum):
+        if isinstance(self.ground, int | float):
+            return float(self.ground)
+        if isinstance(self.ground, Spectrum):
             return self.ground
         if isinstance(self.ground, Hiding):
             return 0.5

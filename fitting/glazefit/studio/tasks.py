@@ -223,8 +223,10 @@ def _films(table: SpectraTable) -> Any:
     from ..film.films import Films
 
     stems = list(dict.fromkeys(name.rpartition("_")[0] for name in table.names))
-    rows = [table.reflectance[[table.names.index(f"{s}_{end}") for s in stems]] for end in ("b", "w", "ob", "ow")]
-    return Films(tuple(stems), table.wavelengths, *rows)
+    b, w, ob, ow = (
+        table.reflectance[[table.names.index(f"{s}_{end}") for s in stems]] for end in ("b", "w", "ob", "ow")
+    )
+    return Films(tuple(stems), table.wavelengths, b, w, ob, ow)
 
 
 def _coat(parts: Mapping[str, float], thickness: float) -> dict[str, Any]:

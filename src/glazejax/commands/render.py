@@ -232,7 +232,7 @@ def _write_stack(
 
     known = all_paints()
     ground = bed.reflectance
-    if not isinstance(ground, float):
+    if not isinstance(ground, int | float):
         ground = Spectrum(bed.media[0].wavelengths, ground)
     named = {name: shelf[name] for coat in coats for _, name in coat.parts}
     # One of another catalogue, or one's own: the same name in the studio would be another paint.

@@ -35,7 +35,7 @@ class Jobs:
     """
 
     def __init__(self, tasks: Mapping[str, str] | None = None):
-        self.tasks = dict(find_tasks() if tasks is None else tasks)
+        self.tasks: dict[str, str] = dict(find_tasks() if tasks is None else tasks)
         self._running: dict[str, subprocess.Popen[str]] = {}
         self._idle: list[subprocess.Popen[str]] = []
         self._took: dict[str, float] = {}

@@ -38,14 +38,15 @@ class Studio:
 
     def __init__(self, port: int = 0, tasks: dict[str, str] | None = None):
         require("starlette", "uvicorn", "websockets")
-        self.token = secrets.token_urlsafe(24)
+        self.token: str = secrets.token_urlsafe(24)
         self._socket = socket.socket()
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         self._socket.bind((HOST, port))
         # From here on a browser waits for its answer instead of being refused.
         self._socket.listen(128)
         self.port: int = self._socket.getsockname()[1]
-        self.engine, self.jobs = Engine(), Jobs(tasks)
+        self.engine: Engine = Engine()
+        self.jobs: Jobs = Jobs(tasks)
         self._hosts = {f"{HOST}:{self.port}", f"localhost:{self.port}"}
         self._server: Any = None
 

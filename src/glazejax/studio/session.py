@@ -35,7 +35,9 @@ class Session:
     """
 
     def __init__(self, engine: Engine, jobs: Jobs, send: Send):
-        self.engine, self.jobs, self._send = engine, jobs, send
+        self.engine: Engine = engine
+        self.jobs: Jobs = jobs
+        self._send = send
         self._easel = canvas.Easel(engine)
         self._mine: set[str] = set()
         self._lock = threading.Lock()
