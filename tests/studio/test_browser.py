@@ -332,6 +332,14 @@ def test_maps_are_saved_and_loaded(page, downloads):
     page.at("map-file").send_keys(str(downloads / "ramp.npy"))
     thick = {**TWO, "coats": [{**TWO["coats"][0], "um": 4}, TWO["coats"][1]]}
     page.until(lambda: np.abs(page.pixel("easel", 0.995, 0.5) - expected(thick, "black")).max() <= 2, "the ramp")
+    # The same as a picture: white is the thickness in its name.
+    page.at("map-png").click()
+    picture = page.until(lambda: next(downloads.glob("thickness*white=4um.png"), None), "the picture")
+    page.at("clear").click()
+    bare = {**TWO, "coats": [{**TWO["coats"][0], "um": 0}, TWO["coats"][1]]}
+    page.until(lambda: np.abs(page.pixel("easel", 0.995, 0.5) - expected(bare, "black")).max() <= 2, "the bare canvas")
+    page.at("map-file").send_keys(str(picture))
+    page.until(lambda: np.abs(page.pixel("easel", 0.995, 0.5) - expected(thick, "black")).max() <= 2, "the ramp again")
 
 
 def test_what_is_taken_away_is_what_is_seen(page, downloads):
@@ -471,6 +479,33 @@ def test_a_colour_beyond_srgb_is_marked(page):
     assert "outside sRGB" in page.js("return document.querySelector('.beyond')?.textContent ?? ''")
     page.open(fragment({**TWO, "coats": [{"paint": {"ZincWhite": 1}, "um": 200}]}))
     assert page.all(".beyond") == []
+
+
+def test_a_wide_screen_gets_the_colour_itself(page):
+    """On a screen that shows Display P3, a colour between the two gamuts is not clipped."""
+    wide = {"features": [{"name": "color-gamut", "value": "p3"}]}
+    page.browser.execute_cdp_cmd("Emulation.setEmulatedMedia", wide)
+    try:
+        yellow = {**TWO, "coats": [{"paint": {"ChromeYellow": 1}, "um": 200}]}
+        page.open(fragment(yellow))
+        code = """
+            const c = document.querySelector("[data-at=swatch]");
+            const at = [Math.floor(c.width / 4), Math.floor(c.height / 2), 1, 1];
+            return [...c.getContext("2d").getImageData(...at, {colorSpace: "display-p3"}).data].slice(0, 3)"""
+        shown = np.array(page.js(code))
+    finally:
+        page.browser.execute_cdp_cmd("Emulation.setEmulatedMedia", {"features": []})
+    found = stack_from_dict(yellow)
+    spectrum = gj.reflectance(found.glaze(), found.seen_by)
+    encoded = np.asarray(colour.srgb(found.glaze().wavelengths, spectrum, clip=False))
+    # SMPTE EG 432-1: chromaticities of the primaries, and the white of sRGB.
+    primaries = np.array([[0.68, 0.32, 0.0], [0.265, 0.69, 0.045], [0.15, 0.06, 0.79]]).T
+    matrix = primaries * np.linalg.solve(primaries, colour.srgb_to_xyz(np.ones(3)))
+    light = np.linalg.solve(matrix, colour.srgb_to_xyz(encoded))
+    straight = light <= 0.0031308
+    wanted = np.where(straight, 12.92 * light, 1.055 * np.maximum(light, 0.0031308) ** (1 / 2.4) - 0.055)
+    assert np.abs(shown - 255 * np.clip(wanted, 0, 1)).max() <= 2
+    assert shown[2] > 0  # sRGB has none of its blue
 
 
 def test_by_keyboard_alone(page):
