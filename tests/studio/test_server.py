@@ -6,6 +6,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from urllib.error import HTTPError
 from urllib.request import Request, urlopen
 
@@ -26,7 +27,13 @@ from .browser import Served
 
 @pytest.fixture(scope="module")
 def served():
-    found = Served(tasks={"echo": "tests.studio.test_server:echo", "fail": "tests.studio.test_server:fail"})
+    found = Served(
+        tasks={
+            "echo": "tests.studio.test_server:echo",
+            "fail": "tests.studio.test_server:fail",
+            "wait": "tests.studio.test_server:wait",
+        }
+    )
     yield found
     found.stop()
 
@@ -143,6 +150,55 @@ def test_a_search_runs_beside_and_its_errors_are_told(talk):
     assert until(talk, "job")["error"] == "nothing comes of this"
     talk.send(json.dumps({**ask, "task": "none"}))
     assert "'none' is not installed" in until(talk, "error")["words"]
+
+
+def wait(asked, report):
+    """Until a file is there."""
+    import time
+    from pathlib import Path
+
+    while not Path(asked["options"]["path"]).exists():
+        time.sleep(0.05)
+    return "done"
+
+
+@pytest.mark.parametrize("when", ["before", "after"])
+def test_a_search_survives_a_lost_connection(served, tmp_path, when):
+    studio = served.studio
+    link, own = f"ws://127.0.0.1:{studio.port}/{studio.token}/socket", Origin(f"http://127.0.0.1:{studio.port}")
+    path = tmp_path / "go"
+    ask = {"type": "start", "task": "wait", "name": "one 1", "stack": STACK, "options": {"path": str(path)}}
+    with connect(link, origin=own, max_size=None) as first:
+        first.send(json.dumps({"type": "hello", "page": "mine"}))
+        assert until(first, "hello")["running"] == []
+        first.send(json.dumps(ask))
+        while unpack(first.recv(timeout=120))[0].get("progress", {}).get("seconds", 0) < 0.4:
+            pass
+    if when == "before":
+        path.touch()
+        deadline = time.monotonic() + 60
+        while "mine one 1" not in studio.jobs._unheard and time.monotonic() < deadline:
+            time.sleep(0.05)
+    with connect(link, origin=own, max_size=None) as other:
+        other.send(json.dumps({"type": "hello", "page": "other"}))
+        assert until(other, "hello")["running"] == []
+    with connect(link, origin=own, max_size=None) as again:
+        again.send(json.dumps({"type": "hello", "page": "mine"}))
+        assert until(again, "hello")["running"] == ["one 1"]
+        path.touch()
+        assert until(again, "job")["result"] == "done"
+
+
+def test_a_search_whose_page_stays_away_ends(served, tmp_path, monkeypatch):
+    monkeypatch.setattr(jobs, "PATIENCE", 0.1)
+    studio, told = served.studio, []
+    given = {"options": {"path": str(tmp_path / "never")}}
+    studio.jobs.start("gone one", "wait", given, told.append)
+    studio.jobs.leave("gone")
+    deadline = time.monotonic() + 30
+    while studio.jobs._running and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert studio.jobs._running == {}
 
 
 def test_what_can_be_searched_is_registered():

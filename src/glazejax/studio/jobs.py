@@ -18,6 +18,8 @@ from typing import Any
 MOST = 2
 """Searches at a time."""
 _BEAT = 0.5
+PATIENCE = 120.0
+"""Seconds that a search whose page is gone goes on: connections are lost, and pages come back."""
 
 Tell = Callable[[dict[str, Any]], None]
 
@@ -38,6 +40,8 @@ class Jobs:
         self.tasks: dict[str, str] = dict(find_tasks() if tasks is None else tasks)
         self._running: dict[str, subprocess.Popen[str]] = {}
         self._idle: list[subprocess.Popen[str]] = []
+        self._tells: dict[str, Tell] = {}
+        self._unheard: dict[str, dict[str, Any]] = {}
         self._took: dict[str, float] = {}
         self._lock = threading.Lock()
 
@@ -56,12 +60,56 @@ class Jobs:
                 raise ValueError(f"{MOST} searches run already; stop one first")
             process = self._idle.pop() if self._idle else _process()
             self._running[name] = process
-        threading.Thread(target=self._follow, args=(name, task, given, tell, process), daemon=True).start()
+            self._tells[name] = tell
+        threading.Thread(target=self._follow, args=(name, task, given, process), daemon=True).start()
         return name
 
-    def stop(self, name: str) -> None:
-        """End a search, if it runs."""
+    def leave(self, page: str) -> None:
+        """A page is gone: its searches, named by it first, go on for a while, and their answers are kept."""
         with self._lock:
+            names = [name for name in self._tells if name.startswith(f"{page} ")]
+            for name in names:
+                del self._tells[name]
+        for name in names:
+            timer = threading.Timer(PATIENCE, self._give_up, [name])
+            timer.daemon = True
+            timer.start()
+
+    def come_back(self, page: str, tell_for: Callable[[str], Tell]) -> tuple[list[str], Callable[[], None]]:
+        """A page is there again: names of its searches, and what hands it the answers that came meanwhile."""
+        with self._lock:
+            names = [name for name in (*self._running, *self._unheard) if name.startswith(f"{page} ")]
+            kept = {name: self._unheard.pop(name) for name in names if name in self._unheard}
+            for name in names:
+                if name not in kept:
+                    self._tells[name] = tell_for(name)
+
+        def hand_over() -> None:
+            for name, told in kept.items():
+                tell_for(name)(told)
+
+        return names, hand_over
+
+    def _give_up(self, name: str) -> None:
+        if name not in self._tells:
+            self.stop(name)
+
+    def _tell(self, name: str, told: dict[str, Any]) -> None:
+        """To the page, or kept for it if it is an answer and the page is gone."""
+        with self._lock:
+            tell = self._tells.get(name)
+            if "progress" not in told:
+                self._tells.pop(name, None)
+                if tell is None:
+                    self._unheard[name] = told
+        if tell is not None:
+            tell(told)
+
+    def stop(self, name: str) -> None:
+        """End a search, if it runs, and forget its answer."""
+        with self._lock:
+            self._unheard.pop(name, None)
+            self._tells.pop(name, None)
             process = self._running.pop(name, None)
         if process is not None:
             process.kill()
@@ -77,9 +125,7 @@ class Jobs:
             process.kill()
             process.wait()
 
-    def _follow(
-        self, name: str, task: str, given: Mapping[str, Any], tell: Tell, process: subprocess.Popen[str]
-    ) -> None:
+    def _follow(self, name: str, task: str, given: Mapping[str, Any], process: subprocess.Popen[str]) -> None:
         """Hand a search to its process, and its answers on."""
         began, words = time.monotonic(), ["starting"]
         done = threading.Event()
@@ -87,7 +133,7 @@ class Jobs:
         def beat() -> None:
             while not done.wait(_BEAT):
                 told = {"seconds": time.monotonic() - began, "words": words[0], "usual": self._took.get(task)}
-                tell({"progress": told})
+                self._tell(name, {"progress": told})
 
         threading.Thread(target=beat, daemon=True).start()
         answer: dict[str, Any] | None = None
@@ -113,13 +159,15 @@ class Jobs:
         if stopped:
             return
         if answer is None:
-            tell({"error": f"the search ended before it was done (exit status {process.wait()}); try it again"})
+            self._tell(
+                name, {"error": f"the search ended before it was done (exit status {process.wait()}); try it again"}
+            )
             return
         if "result" in answer:
             self._took[task] = time.monotonic() - began
         if process not in self._idle:
             process.kill()
-        tell(answer | {"seconds": time.monotonic() - began})
+        self._tell(name, answer | {"seconds": time.monotonic() - began})
 
 
 def _process() -> subprocess.Popen[str]:

@@ -39,7 +39,8 @@ class Session:
         self.jobs: Jobs = jobs
         self._send = send
         self._easel = canvas.Easel(engine)
-        self._mine: set[str] = set()
+        # The page's own name, by which its searches find it again.
+        self._page = str(id(self))
         self._lock = threading.Lock()
 
     def tell(self, header: Mapping[str, Any], arrays: Mapping[str, Any] | None = None) -> None:
@@ -64,12 +65,15 @@ class Session:
             self.tell({"type": "error", "about": about, "number": number, "words": words})
 
     def close(self) -> None:
-        """The page is gone: its searches are of no use."""
-        for name in self._mine:
-            self.jobs.stop(name)
+        """The page is gone; it may come back."""
+        self.jobs.leave(self._page)
 
     def _on_hello(self, header: dict[str, Any], arrays: Any, rest: bytes) -> None:
         """What there is; the shelf's swatches follow when they are computed."""
+        page = header.get("page")
+        if isinstance(page, str) and 0 < len(page) <= 80 and " " not in page:
+            self._page = page
+        running, hand_over = self.jobs.come_back(self._page, self._teller)
         listed = [shelf.entry(name, paint) for name, paint in all_paints().items()]
         told = {
             "type": "hello",
@@ -79,8 +83,10 @@ class Session:
             "most": SIZES[-1],
             "most_file": MOST_FILE,
             "tasks": sorted(self.jobs.tasks),
+            "running": [name.partition(" ")[2] for name in running],
         }
         self.tell(told)
+        hand_over()
         self._swatches(dict(all_paints()))
 
     def _swatches(self, paints: Mapping[str, Any]) -> None:
@@ -171,15 +177,16 @@ class Session:
         given = {"stack": stack_to_dict(stack), "options": header.get("options", {})}
         given |= {key: array.tolist() for key, array in arrays.items()}
 
-        def tell(told: dict[str, Any]) -> None:
-            self.tell({"type": "job", "name": name, "task": task, **told})
+        self.jobs.start(f"{self._page} {name}", task, given, self._teller(f"{self._page} {name}"))
 
-        self._mine.add(self.jobs.start(f"{id(self)} {name}", task, given, tell))
+    def _teller(self, name: str) -> Callable[[dict[str, Any]], None]:
+        """Tells the page of its search."""
+        return lambda told: self.tell({"type": "job", "name": name.partition(" ")[2], **told})
 
     def _on_stop(self, header: dict[str, Any], arrays: Any, rest: bytes) -> None:
         """End a search."""
         name = str(header.get("name"))[:80]
-        self.jobs.stop(f"{id(self)} {name}")
+        self.jobs.stop(f"{self._page} {name}")
         self.tell({"type": "job", "name": name, "stopped": True})
 
 

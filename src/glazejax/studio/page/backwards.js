@@ -95,12 +95,16 @@ export function backwardsPanel(store) {
     node.remove();
     if (header.stopped) return store.say("Stopped.");
     if (header.error) return store.say(header.error, "error");
-    ({ recipes: showRecipes, identify: showIdentified, recover: showRecovered })[header.task](header.result, header.seconds);
+    ({ recipes: showRecipes, identify: showIdentified, recover: showRecovered })[header.name.split(" ")[0]](header.result, header.seconds);
   });
   store.on("failed", (header) => { if (header.about === "start") jobs.lastElementChild?.remove(); });
-  store.on("lost", () => {
-    if (jobs.querySelector("[data-job]")) store.say("The connection was lost, and the search with it; start it again.", "error");
-    jobs.querySelectorAll("[data-job]").forEach((node) => node.remove());
+  // After a lost connection searches go on, unless the studio itself was ended.
+  store.on("running", (names) => {
+    for (const node of jobs.querySelectorAll("[data-job]")) {
+      if (names.includes(node.dataset.job)) continue;
+      node.remove();
+      store.say("The studio was started anew, and the search ended with the old one; start it again.", "error");
+    }
   });
 
   function card(rgb, title, lines, take, words) {

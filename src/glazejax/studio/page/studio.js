@@ -61,11 +61,13 @@ export function mount(root, wire, { begin = null, remember = null } = {}) {
 
   // The server ----------------------------------------------------------------------------------------------------------
   let begun = false, there = false;
+  // By which searches find this page again after a lost connection.
+  const page = Array.from({ length: 3 }, () => Math.random().toString(36).slice(2)).join("");
   wire.onopen = () => {
     there = true;
     state.textContent = "ready";
     state.dataset.kind = "";
-    wire.send({ type: "hello" });
+    wire.send({ type: "hello", page });
     if (begun) {
       store.say("The studio is back; nothing was lost.");
       store.look();
@@ -86,6 +88,7 @@ export function mount(root, wire, { begin = null, remember = null } = {}) {
       Object.assign(store, { lamps: header.lamps, steps: header.ladder, tasks: header.tasks, mostFile: header.most_file });
       store.tell("shelf");
       store.tell("lamps");
+      store.tell("running", header.running);
       if (begun) return;
       begun = true;
       const given = begin?.();
