@@ -14,6 +14,7 @@ from glazejax import Hemispherical, Pigment, catalogue
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 
 MODULE = importlib.import_module("glazefit.identify.identify")
+SEARCHER = importlib.import_module("glazefit.identify.searcher")
 GRID = np.arange(400.0, 701.0, 50.0)
 GROUNDS = np.array([[0.03], [0.9]]) * np.ones((2, GRID.size))
 
@@ -111,8 +112,8 @@ def test_all_that_is_asked_for_stands_in_the_task(paints, monkeypatch, told: boo
     def stop(tasks, measured):
         raise Reached({"task": tasks, "measured": measured})
 
-    monkeypatch.setattr(MODULE, "first_starts", stop)
-    monkeypatch.setattr(MODULE, "film_response", lambda *instrument: instrument)
+    monkeypatch.setattr(SEARCHER, "first_starts", stop)
+    monkeypatch.setattr(SEARCHER, "film_response", lambda *instrument: instrument)
     seen_by, noise = Instrument(Hemispherical(30.0), 1.3), Noise(0.07, 0.03)
     errors = Discrepancy(unstated=0.11, most=0.2, amplitude=0.013)
     expected = Prior(thickness=40e-6, spread=0.6, unknown=0.2)
@@ -171,5 +172,5 @@ def test_pigments_carry_their_own_grid():
     """The catalogue's grid is brought to that of the spectra before anything is compared."""
     fine = np.arange(390.0, 711.0, 1.0)
     pigment = Pigment("x", fine, fine, 2.0 * fine)
-    (known,) = MODULE.check_pigments([pigment], GRID)
+    (known,) = SEARCHER.check_pigments([pigment], GRID)
     np.testing.assert_allclose(known.absorption, GRID)

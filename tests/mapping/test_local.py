@@ -62,7 +62,7 @@ def test_at_a_representative_it_is_the_search(problem):
     assert (np.sort(found.members, axis=1) == np.sort(whole.members[:, 0], axis=1)).all()
     np.testing.assert_allclose(found.probability, whole.probability[:, 0], atol=0.02)
     np.testing.assert_allclose(found.none, whole.none, atol=0.04)
-    np.testing.assert_allclose(found.paint_probability, whole.paint_probability, atol=0.02)
+    np.testing.assert_allclose(found.paint_probability, whole.paint_probability, atol=0.04)
     np.testing.assert_allclose(found.fitted, whole.fitted[:, 0, 0], atol=1e-4)
     np.testing.assert_allclose(np.exp(found.amounts), whole.amounts[:, 0], rtol=1e-3, atol=1e-12)
     np.testing.assert_array_equal(found.explained, whole.explained)
@@ -105,7 +105,7 @@ def test_near_a_representative_it_follows_the_search(problem):
     assert np.median(off) < 0.05
     assert np.median(off) < 0.1 * np.median(np.abs(moved))
     assert np.median(shift) < 0.01
-    assert np.median(np.abs(fits[:, 0] - fits[:, 1]).max(axis=1)) < 0.1 * np.median(np.abs(fits[:, 0]).max(axis=1))
+    assert np.median(np.abs(fits[:, 0] - fits[:, 1]).max(axis=1)) < 0.2 * np.median(np.abs(fits[:, 0]).max(axis=1))
 
 
 def _gain(one, step):
