@@ -32,6 +32,7 @@ OPTIONAL = {
     "h5netcdf": "cube",
     "tifffile": "cube",
     "PIL": "cube",
+    "threadpoolctl": "cube",
     "starlette": "studio",
     "uvicorn": "studio",
     "websockets": "studio",

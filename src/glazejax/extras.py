@@ -22,6 +22,7 @@ _EXTRAS = {
     "h5netcdf": ("h5netcdf", "cube"),
     "tifffile": ("tifffile", "cube"),
     "PIL": ("pillow", "cube"),
+    "threadpoolctl": ("threadpoolctl", "cube"),
     "starlette": ("starlette", "studio"),
     "uvicorn": ("uvicorn", "studio"),
     "websockets": ("websockets", "studio"),

@@ -147,6 +147,19 @@ def test_an_interrupted_run_ends_as_an_undisturbed_one(made, cube, options, tmp_
         np.testing.assert_array_equal(found[name].values, made[0][name].values)
 
 
+@pytest.mark.slow
+def test_a_cluster_gives_the_same_map(made, cube, options, tmp_path):
+    """In double precision, whose digits must arrive on the workers."""
+    distributed = pytest.importorskip("distributed")
+    with (
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=":0") as cluster,
+        distributed.Client(cluster, set_as_default=False) as client,
+    ):
+        found = map_cube(cube, small.paints(), out=tmp_path / "map", client=client, **options)
+    for name in made[0].data_vars:
+        np.testing.assert_array_equal(found[name].values, made[0][name].values)
+
+
 def test_spectra_far_from_all_others_are_searched(cube, options, tmp_path, monkeypatch):
     """A stroke that no sampled line has."""
     monkeypatch.setattr("glazefit.mapping.map_cube._LINES", 4)

@@ -5,6 +5,7 @@ from collections.abc import Callable, Generator, Sequence
 from typing import Any, TypeVar
 from uuid import uuid4
 
+import cloudpickle
 from distributed import CancelledError, Client, KilledWorker, Worker, WorkerPlugin, as_completed, get_worker
 
 Result = TypeVar("Result")
@@ -22,15 +23,17 @@ class _Tool(WorkerPlugin):
     """
 
     def __init__(self, name: str, work: Callable[[str], Any]):
-        self.name, self.work = name, work
+        # In a packet of its own: JAX's arrays lose half of their digits where they arrive before its precision is set.
+        self.name, self.packed = name, cloudpickle.dumps(work)
         self.precision = bool(sys.modules["jax"].config.jax_enable_x64) if "jax" in sys.modules else None
 
     def setup(self, worker: Worker) -> None:
-        """Have JAX compute in the precision of the process that asks."""
+        """Have JAX compute in the precision of the process that asks, then unpack the work."""
         if self.precision is not None:
             import jax
 
             jax.config.update("jax_enable_x64", self.precision)
+        self.work: Callable[[str], Any] = cloudpickle.loads(self.packed)
 
 
 def _do(name: str, key: str) -> Any:

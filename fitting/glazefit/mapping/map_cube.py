@@ -20,6 +20,7 @@ from ..film.errors import Discrepancy, Prior
 from ..film.films import Noise
 from ..film.noise import spectra_noise
 from .agreement import compare
+from .alike import one_thread_each
 from .atlas import Atlas
 from .layout import STATUS_WORDS, Status
 from .local import Searched, searched
@@ -145,7 +146,7 @@ def map_cube(
         overwrite=overwrite,
     )
     client = client or client_in_scope()
-    with store.writing():
+    with store.writing(), one_thread_each():
         surveyed = _surveyed(store, task, most, tell)
         task = task.with_noise(surveyed.noise)
         atlas = _atlas(store, task, surveyed, client, tell)
@@ -259,7 +260,8 @@ class _Pieces:
         first = int(key.rpartition("-")[2]) * _PIECE
         some = self.readings[first : first + _PIECE]
         task = self.task
-        return searched(task.searcher, some, task.image.noise_sd(some), task.ground).arrays()
+        with one_thread_each():
+            return searched(task.searcher, some, task.image.noise_sd(some), task.ground).arrays()
 
 
 def _most_representatives(task: MapTask, memory: int) -> tuple[int, int]:

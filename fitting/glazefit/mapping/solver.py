@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float
 from ..film.films import Noise
 from ..identify.result import NOBODY
 from ..identify.searcher import Searcher
+from .alike import one_thread_each
 from .atlas import Atlas
 from .chunk import ChunkMaps, SetSum
 from .layout import BY_NAME, STATUS_WORDS, Status, Way
@@ -99,6 +100,10 @@ class PixelSolver:
 
     def solve(self, window: Window) -> ChunkMaps:
         """Maps of a window, from it alone."""
+        with one_thread_each():
+            return self._solved(window)
+
+    def _solved(self, window: Window) -> ChunkMaps:
         readings, status = self.image.read(window)
         good = np.flatnonzero(status == Status.MAPPED)
         seen = np.maximum(readings[good], 0.0)

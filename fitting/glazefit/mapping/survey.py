@@ -5,6 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float, Int
 
+from glazejax.radiative.common.threads import in_threads
+
 # Readings vary by this share where paints do (`glazefit.film.errors.BETWEEN_FILMS`), and near black by this.
 _SHARE, _BLACK = 0.03, 0.03
 # Directions in which spectra are compared, and rounds of Lloyd's algorithm.
@@ -49,7 +51,8 @@ def nearest(
     which, apart = np.empty(len(features), np.int64), np.empty(len(features), np.float32)
     half = 0.5 * np.sum(centres**2, axis=1)
     turned = np.ascontiguousarray(centres.T)
-    for start in range(0, len(features), _AT_A_TIME):
+
+    def find(start: int) -> None:
         some = features[start : start + _AT_A_TIME]
         closeness = some @ turned
         closeness -= half
@@ -57,6 +60,8 @@ def nearest(
         which[start : start + len(some)] = best
         rest = np.sum(some**2, axis=1) - 2.0 * closeness[np.arange(len(some)), best]
         apart[start : start + len(some)] = np.sqrt(np.maximum(rest, 0.0))
+
+    in_threads(find, range(0, len(features), _AT_A_TIME))
     return which, apart
 
 
