@@ -48,7 +48,9 @@ def main() -> None:
         runs = [_size(results, folder, side, options.bands, first=side == sides[0]) for side in sides]
         _exponents(results, runs)
         middle = folder / _name(sides[min(1, len(sides) - 1)], options.bands)
-        _truth(results, middle, sides[min(1, len(sides) - 1)], options.bands, options.checked)
+        _truth(
+            results, middle, sides[min(1, len(sides) - 1)], options.bands, options.checked, runs[min(1, len(sides) - 1)]
+        )
         if not options.no_dask:
             _dask(results, folder / _name(sides[0], options.bands))
     results.save()
@@ -162,7 +164,7 @@ def _child(where: Path, workers: int) -> None:
     )
 
 
-def _truth(results: Results, where: Path, side: int, bands: int, pixels: int) -> None:
+def _truth(results: Results, where: Path, side: int, bands: int, pixels: int, run: tuple[int, float]) -> None:
     """The map beside the full search, beside `identify` as it is called, and beside the truth with its rivals."""
     import jax
 
@@ -199,7 +201,7 @@ def _truth(results: Results, where: Path, side: int, bands: int, pixels: int) ->
     results(f"Against the truth, {len(places)} pixels; rivals choose cut and threshold on another painting:")
     rows = compared(scene, other, pixels)
     answer = answer_of_map(arrays)
-    own = Row("map_cube", score(truth, answer, scene.names), float("nan"), by_coats(truth, answer, scene.names))
+    own = Row("map_cube", score(truth, answer, scene.names), run[1] / run[0], by_coats(truth, answer, scene.names))
     for line in table([*rows, own]):
         results(line)
 
