@@ -128,8 +128,8 @@ class LazyReflectance(BackendArray):
 
     def __init__(self, reading: Reading):
         self.reading = reading
-        self.shape = reading.shape
-        self.dtype = np.dtype(np.float32)
+        self.shape: tuple[int, int, int] = reading.shape
+        self.dtype: np.dtype[Any] = np.dtype(np.float32)
 
     def __getitem__(self, key: ExplicitIndexer) -> np.ndarray:
         by_points = isinstance(key, VectorizedIndexer)
