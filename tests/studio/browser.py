@@ -95,6 +95,20 @@ class Page:
             time.sleep(0.05)
         raise AssertionError(f"{what} did not come in {seconds:.0f} s; the page says {self.said()!r}")
 
+    def click(self, selector: str) -> None:
+        """Click the first element that matches, also if it is drawn anew in that moment."""
+        from selenium.common.exceptions import StaleElementReferenceException
+
+        def clicked() -> bool:
+            found = self.all(selector)
+            try:
+                found[0].click()
+            except (IndexError, StaleElementReferenceException):
+                return False
+            return True
+
+        self.until(clicked, selector)
+
     def settle(self) -> None:
         """Wait until every change has been answered."""
         time.sleep(0.05)

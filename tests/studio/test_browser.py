@@ -227,8 +227,7 @@ def test_own_paints_are_dropped_and_used(page, tmp_path):
     path = tmp_path / "paints.csv"
     path.write_text("\n".join(["pigment,wavelength_nm,absorption,scattering", *rows]) + "\n")
     page.drop(path)
-    tile = page.until(lambda: page.all(".tile[data-paint='Mine'] .paint"), "the paint")[0]
-    tile.click()
+    page.click(".tile[data-paint='Mine'] .paint")
     page.settle()
     stack = page.stack()
     assert "Mine" in stack["pigments"]
