@@ -97,17 +97,7 @@ class Page:
 
     def click(self, selector: str) -> None:
         """Click the first element that matches, also if it is drawn anew in that moment."""
-        from selenium.common.exceptions import StaleElementReferenceException
-
-        def clicked() -> bool:
-            found = self.all(selector)
-            try:
-                found[0].click()
-            except (IndexError, StaleElementReferenceException):
-                return False
-            return True
-
-        self.until(clicked, selector)
+        self.until(lambda: [one.click() or one for one in self.all(selector)[:1]], selector)
 
     def settle(self) -> None:
         """Wait until every change has been answered."""
