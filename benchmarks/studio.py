@@ -104,12 +104,12 @@ class Server:
         self.process.wait(60)
 
 
-def start_browser() -> Any:
-    """A Chromium without a window."""
+def browser_options(chromium: str) -> Any:
+    """Of a Chromium without a window."""
     from selenium import webdriver
 
     options = webdriver.ChromeOptions()
-    options.binary_location = shutil.which("chromium") or ""
+    options.binary_location = chromium
     for word in (
         "--headless=new",
         "--no-sandbox",
@@ -118,6 +118,14 @@ def start_browser() -> Any:
         "--window-size=1440,900",
     ):
         options.add_argument(word)
+    return options
+
+
+def start_browser() -> Any:
+    """A Chromium without a window."""
+    from selenium import webdriver
+
+    options = browser_options(shutil.which("chromium") or "")
     found = webdriver.Chrome(options=options, service=webdriver.ChromeService(shutil.which("chromedriver") or ""))
     found.set_script_timeout(_READY)
     return found

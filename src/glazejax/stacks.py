@@ -102,6 +102,19 @@ class Stack:
             return 0.5
         return {"white": WHITE, "black": BLACK}[side if self.ground == "card" else self.ground]
 
+    def ground_on(
+        self, wavelengths: Float[np.ndarray, "bands"], side: str = "white"
+    ) -> "float | Float[np.ndarray, 'bands']":
+        """`level` at wavelengths in nm.
+
+        Raises:
+            ValueError: a measured ground that does not reach so far.
+        """
+        level = self.level(side)
+        if isinstance(level, Spectrum):
+            return np.asarray(resample(level.wavelengths, level.reflectance, wavelengths))
+        return level
+
     def media(self) -> list[Pigment | Mixture]:
         """What each of the `shown` coats is made of, all on the wavelengths that all of them share.
 
@@ -127,9 +140,7 @@ class Stack:
         media = self.media()
         if not media:
             raise ValueError("the stack shows no coat: add one, or show one that is hidden")
-        grid, ground = media[0].wavelengths, self.level(side)
-        if isinstance(ground, Spectrum):
-            ground = np.asarray(resample(ground.wavelengths, ground.reflectance, grid))
+        ground = self.ground_on(media[0].wavelengths, side)
         layers = [Layer(medium, coat.total) for medium, coat in zip(media, self.shown, strict=True)]
         return Glaze(layers, ground, self.refractive_index)
 
@@ -142,6 +153,11 @@ def all_paints() -> Mapping[str, Pigment]:
     for other in others:
         shelf |= {f"{other}/{name}": paint for name, paint in catalogue.load(other).items()}
     return MappingProxyType(shelf)
+
+
+def own_name(name: str) -> str:
+    """A name for an own paint that none of the catalogues' has."""
+    return f"{name} (own)" if name in all_paints() or "/" in name else name
 
 
 def paints(stack: Stack) -> Mapping[str, Pigment]:

@@ -44,8 +44,8 @@ def pool(
 
 def none_to_one(misfit: float, unknown: float = 0.4, noise: float = 0.0) -> float:
     """Odds of none against the only candidate."""
-    odds, none, _, _ = odds_of(film(noise), pool([[0]], [misfit], [0.0]), Prior(unknown=unknown))
-    return float(none[0] / odds[0, 0])
+    odds = odds_of(film(noise), pool([[0]], [misfit], [0.0]), Prior(unknown=unknown))
+    return float(odds.none[0] / odds.candidates[0, 0])
 
 
 def test_none_by_bayes_rule():
@@ -64,10 +64,10 @@ def test_a_fit_that_looks_the_same_speaks_for_its_paints_and_one_that_is_seen_to
 
 
 def test_what_a_person_rejects_is_at_most_as_probable_as_none():
-    _, _, _, rejected = odds_of(film(), pool([[0], [1]], [3.99, 4.01], [0.0, 0.0]), Prior())
+    rejected = odds_of(film(), pool([[0], [1]], [3.99, 4.01], [0.0, 0.0]), Prior()).rejected
     assert rejected.tolist() == [[False, True]]
     for unknown in (0.01, 0.4):
-        odds, none, _, _ = odds_of(film(), pool([[0], [1]], [5.0, 6.0], [0.0, 1.0]), Prior(unknown=unknown))
+        odds, none, *_ = odds_of(film(), pool([[0], [1]], [5.0, 6.0], [0.0, 1.0]), Prior(unknown=unknown))
         assert odds.sum() <= none[0]
 
 
@@ -80,14 +80,14 @@ def test_what_the_noise_explains_is_no_misfit():
 def test_a_fit_without_any_residual_is_as_good_as_one_of_a_tenth():
     """Nothing of a film is known so well; the misfit stays a number whose logarithm counts."""
     for misfit in (0.0, 0.05, 0.1):
-        _, none, met, _ = odds_of(film(), pool([[0]], [misfit], [0.0]), Prior())
+        _, none, met, *_ = odds_of(film(), pool([[0]], [misfit], [0.0]), Prior())
         assert float(met[0]) == pytest.approx(0.1)
         assert 0.0 < float(none[0]) < 0.01
 
 
 def test_evidence_ranks_candidates_that_look_alike():
     """Below what is seen only the evidence counts: its ratio is that of the probabilities."""
-    odds, _, _, _ = odds_of(film(), pool([[0], [1]], [0.2, 0.9], [0.0, np.log(3.0)]), Prior())
+    odds = odds_of(film(), pool([[0], [1]], [0.2, 0.9], [0.0, np.log(3.0)]), Prior()).candidates
     assert odds[0, 1] / odds[0, 0] == pytest.approx(3.0)
 
 
@@ -101,12 +101,12 @@ def test_evidence_ranks_candidates_that_look_alike():
     ],
 )
 def test_a_paint_earns_its_place(earned: float, off: float, condition: tuple[int, int], first: int):
-    odds, _, _, _ = odds_of(film(), pool([[0], [0, 1]], [off, 0.3], [0.0, earned], condition), Prior())
+    odds = odds_of(film(), pool([[0], [0, 1]], [off, 0.3], [0.0, earned], condition), Prior()).candidates
     assert int(odds[0].argmax()) == first
 
 
 def test_a_set_of_other_paints_takes_no_ones_place():
-    odds, _, _, _ = odds_of(film(), pool([[2], [0, 1]], [0.3, 0.3], [0.0, 1.0]), Prior())
+    odds = odds_of(film(), pool([[2], [0, 1]], [0.3, 0.3], [0.0, 1.0]), Prior()).candidates
     assert int(odds[0].argmax()) == 1
 
 
@@ -141,7 +141,7 @@ def test_probabilities_of_paints_are_those_of_the_sets_they_are_in():
     candidates = pool([[0, 1], [1, 2], [2]], [1.0, 1.0, 1.0], [0.0, 0.0, 0.0])
     found = weigh(film(), candidates, odds_of(film(), candidates, Prior()), ("a", "b", "c"), False, 2)
     assert found.members.shape == (1, 2, 3)
-    odds, none, _, _ = odds_of(film(), candidates, Prior())
+    odds, none, *_ = odds_of(film(), candidates, Prior())
     share = odds[0] / (odds.sum() + none[0])
     np.testing.assert_allclose(found.paint_probability[0], [share[0], share[0] + share[1], share[1] + share[2]])
     assert float(found.none[0]) == pytest.approx(1.0 - share.sum())

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from glazejax.io import read_spectra
+from glazejax.io import SpectraTable, read_spectra
 from glazejax.io.source import opened, refusal
 
 from .films import Films
@@ -35,30 +35,37 @@ def read_films(path: str | Path) -> Films:
             its four rows. The message is one line and says which.
     """
     table = read_spectra(path)
+    try:
+        return films_of(table)
+    except ValueError as error:
+        raise refusal(path, error) from None
+
+
+def films_of(table: SpectraTable) -> Films:
+    """Films of a table whose spectra come in fours, as `read_films` wants them.
+
+    Raises:
+        ValueError: a name has no such ending, or a film lacks one of its four rows.
+    """
     rows: dict[str, dict[str, int]] = {}
     for number, name in enumerate(table.names):
         film, _, ending = name.rpartition("_")
         if not film or ending not in ROWS:
-            raise refusal(
-                path, f"the name {name!r} must end in " + ", ".join(f"_{end} ({what})" for end, what in ROWS.items())
-            )
+            endings = ", ".join(f"_{end} ({what})" for end, what in ROWS.items())
+            raise ValueError(f"the name {name!r} must end in {endings}")
         rows.setdefault(film, {})[ending] = number
     for film, found in rows.items():
         missing = [end for end in ROWS if end not in found]
         if missing:
-            raise refusal(
-                path,
+            raise ValueError(
                 f"film {film!r} has no row '{film}_{missing[0]}' ({ROWS[missing[0]]}); a film needs all "
-                f"four of {', '.join('_' + end for end in ROWS)}",
+                f"four of {', '.join('_' + end for end in ROWS)}"
             )
 
     def take(ending: str) -> np.ndarray:
         return table.reflectance[[found[ending] for found in rows.values()]]
 
-    try:
-        return Films(tuple(rows), table.wavelengths, take("b"), take("w"), take("ob"), take("ow"), tuple(table.notes))
-    except ValueError as error:
-        raise refusal(path, error) from None
+    return Films(tuple(rows), table.wavelengths, take("b"), take("w"), take("ob"), take("ow"), tuple(table.notes))
 
 
 def read_names(path: str | Path) -> dict[str, dict[str, float]]:

@@ -1,7 +1,5 @@
 """The command `glazejax identify`: measured spectra in; paints, fractions, thickness and probabilities out."""
 
-import inspect
-import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from glazejax.commands import options, progress
+from glazejax.commands.typed import command_line, ground_file, option
 
 if TYPE_CHECKING:
     import numpy as np
@@ -96,7 +95,7 @@ def identify(
     _check_numbers(max_paints, layers, top)
     usual = options.read_length(thickness)
     outputs = {"--csv": csv, "--residuals": residuals, "--out": out, **_report_files(report)}
-    read = {"FILE": file, "--ground": _ground_file(ground), "--pigments": pigments}
+    read = {"FILE": file, "--ground": ground_file(ground), "--pigments": pigments}
     options.check_outputs(outputs, overwrite, inputs=list(read.values()))
     from glazejax.commands.main import start_jax
 
@@ -169,14 +168,6 @@ class _Spectra(NamedTuple):
     grounds: "np.ndarray | float | None"
     words: tuple[str, ...]
     notes: tuple[str, ...]
-
-
-def _ground_file(ground: str | None) -> Path | None:
-    """The file of ``--ground``, if it is one."""
-    from glazejax.io.sample import split_sample
-
-    path = None if ground is None else split_sample(ground)[0]
-    return path if path is not None and path.is_file() else None
 
 
 def _report_files(report: Path | None) -> dict[str, Path | None]:
@@ -269,8 +260,8 @@ def _about(
         shelf["file"], shelf["sha256"] = catalogue.checksum(name)
     return About(
         title=typed["file"].name,
-        command=_command(typed),
-        options={_option(name): _plain(value) for name, value in typed.items()},
+        command=command_line(identify, "identify", typed, ("file",)),
+        options={"FILE" if name == "file" else option(name): _plain(value) for name, value in typed.items()},
         inputs=inputs,
         catalogue={**shelf, "provenance": "; ".join(dict.fromkeys(p.provenance for p in paints if p.provenance))},
         geometry=instrument.geometry.describe(),
@@ -282,20 +273,6 @@ def _about(
         settings={name: asdict(each) for name, each in settings.items()},
         asked=task.names,
     )
-
-
-def _command(typed: Mapping[str, Any]) -> str:
-    """The command line, with the options that differ from what they are by default."""
-    usual = inspect.signature(identify).parameters
-    words = ["glazejax", "identify", str(typed["file"])]
-    for name, value in typed.items():
-        if name != "file" and value != usual[name].default:
-            words += [_option(name), *([] if value is True else [str(value)])]
-    return shlex.join(words)
-
-
-def _option(name: str) -> str:
-    return "FILE" if name == "file" else f"--{name.replace('_', '-')}"
 
 
 def _plain(value: Any) -> Any:

@@ -21,6 +21,15 @@ _SEEN_NOISE, _DRAWS = 0.002, 8
 _COLOUR_OF_RMSE = 100.0
 
 
+class Off(NamedTuple):
+    """How far candidates are off the spectra; infinite for those that hardly matter."""
+
+    seen: Float[np.ndarray, "spectra candidates"]  # Delta E00, the larger over the grounds, as fitted
+    left: Float[np.ndarray, "spectra candidates"]  # the same with errors of their paints allowed
+    shape: Float[np.ndarray, "spectra candidates"]  # root mean square of the latter's residual, noise aside
+    blur: Float[np.ndarray, "spectra"]  # Delta E00 that noise alone makes
+
+
 class Odds(NamedTuple):
     """How candidates and none of them compare, before they are made to sum to 1."""
 
@@ -28,6 +37,7 @@ class Odds(NamedTuple):
     none: Float[np.ndarray, "spectra"]
     misfit: Float[np.ndarray, "spectra"]  # see `Identification.misfit`
     rejected: Bool[np.ndarray, "spectra candidates"]  # by eye
+    off: Off
 
     @property
     def total(self) -> Float[np.ndarray, "spectra"]:
@@ -63,15 +73,6 @@ def weigh(
     )
 
 
-class Off(NamedTuple):
-    """How far candidates are off the spectra; infinite for those that hardly matter."""
-
-    seen: Float[np.ndarray, "spectra candidates"]  # Delta E00, the larger over the grounds, as fitted
-    left: Float[np.ndarray, "spectra candidates"]  # the same with errors of their paints allowed
-    shape: Float[np.ndarray, "spectra candidates"]  # root mean square of the latter's residual, noise aside
-    blur: Float[np.ndarray, "spectra"]  # Delta E00 that noise alone makes
-
-
 class Smaller(NamedTuple):
     """One candidate, and those of the same film less one paint."""
 
@@ -84,7 +85,7 @@ def odds_of(measured: Measured, pool: Pool, prior: Prior) -> Odds:
     weight = np.where(np.isfinite(pool.log_weight), pool.log_weight, -np.inf)
     # Before the misfit is looked at: how probable each is if the film is of the catalogue's paints.
     share = np.exp(weight - np.asarray(logsumexp(weight, axis=1))[:, None])
-    off = misfits(measured, pool, share)
+    off = _misfits(measured, pool, share)
     odds, rejected = _judged(share, off, prior)
     for row in range(len(odds)):
         order = smaller_sets(pool, row, odds[row] > 0)
@@ -137,7 +138,7 @@ def _beside_none(
     kept = odds / odds.sum(axis=1, keepdims=True)
     met = np.exp(np.sum(np.where(kept > 0, kept * np.log(np.clip(_whole(off), 0.1, 100.0)), 0.0), axis=1))
     none = prior.unknown * np.exp(log_odds_of_none(np.minimum(met, UNSEEN)) - log_odds_of_none(UNSEEN))
-    return Odds(odds, none, met, rejected)
+    return Odds(odds, none, met, rejected, off)
 
 
 def smaller_sets(pool: Pool, row: int, possible: Bool[np.ndarray, "candidates"]) -> list[Smaller]:
@@ -201,7 +202,7 @@ def _colour_difference(measured: Measured, computed: np.ndarray) -> np.ndarray:
     return off
 
 
-def misfits(measured: Measured, pool: Pool, share: Float[np.ndarray, "spectra candidates"]) -> Off:
+def _misfits(measured: Measured, pool: Pool, share: Float[np.ndarray, "spectra candidates"]) -> Off:
     """How far off the candidates are, those of the largest share."""
     # The colour of a spectrum costs as much as its fit.
     few = np.argsort(-share, axis=1, kind="stable")[:, :_LOOKED_AT]

@@ -1,9 +1,7 @@
 """How a map was made, in words, for its report."""
 
-import inspect
 import platform
-import shlex
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping
 from datetime import datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -11,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from glazejax.commands.typed import option
 from glazejax.io import quick_source_hash
-from glazejax.io.sample import split_sample
 
 from ..identify.record import input_files
 from .page import About
@@ -21,7 +19,6 @@ if TYPE_CHECKING:
     import xarray
 
 _PACKAGES = ("glazejax", "jax", "numpy", "scipy", "xarray", "zarr")
-_NAMES = {"binned": "bin"}
 
 
 def about_map(
@@ -59,45 +56,13 @@ def about_map(
     )
 
 
-def option(name: str) -> str:
-    """How an argument of the command is written on the command line."""
-    return f"--{_NAMES.get(name, name).replace('_', '-')}"
-
-
-def command_line(
-    function: Callable[..., Any], name: str, typed: Mapping[str, Any], arguments: Sequence[str] = ()
-) -> str:
-    """The command line, with the options that differ from what they are by default.
-
-    Args:
-        function: of the command.
-        name: of the command.
-        typed: all options and their values.
-        arguments: which of them have no name on the command line.
-    """
-    usual = inspect.signature(function).parameters
-    line = ["glazejax", name, *(str(typed[each]) for each in arguments if typed[each] is not None)]
-    for each, value in typed.items():
-        if each in arguments or value == usual[each].default:
-            continue
-        for one in value if isinstance(value, list) else [value]:
-            line += [option(each)] if one is True else [option(each), str(one)]
-    return shlex.join(line)
-
-
-def ground_file(ground: str | None) -> Path | None:
-    """The file of ``--ground``, if it is one."""
-    path = None if ground is None else split_sample(ground)[0]
-    return path if path is not None and path.is_file() else None
-
-
 def shortcut_words(attrs: Mapping[str, Any]) -> dict[str, str]:
     """What was not done in full for every pixel, by name, from the attributes of a map."""
     found: dict[str, str] = {}
     if "representatives" in attrs:
         found["Representatives"] = (
-            f"{attrs['representatives']:,} spectra of the image were searched in full; a pixel near one of them, "
-            "within the noise, is answered in closed form from it: a set that only that pixel shows can be missed"
+            f"{attrs['representatives']:,} spectra of the image were searched in full; any other pixel is "
+            "answered in closed form from the one nearest to it: a set that only that pixel shows can be missed"
         )
     if "working_wavelengths" in attrs:
         found["Bands"] = (

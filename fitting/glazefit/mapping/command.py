@@ -228,7 +228,9 @@ def map_(
     facts = {"Ground": words, "Instrument": f"{seen_by.describe()}, refractive index {refractive_index:g}"}
 
     def about() -> Any:
-        from .about import about_map, command_line, ground_file
+        from glazejax.commands.typed import command_line, ground_file
+
+        from .about import about_map
 
         read = {**given_files, "--ground": ground_file(ground)}
         return about_map(command_line(map_, "map", typed, ("cube",)), typed, source.path, read, found, facts)

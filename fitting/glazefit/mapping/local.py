@@ -13,7 +13,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float, Int
-from scipy.special import logsumexp
 
 from ..film.errors import Discrepancy
 from ..identify.fit import by_blocks, prior_terms
@@ -33,7 +32,7 @@ from ..identify.searcher import Searcher
 from ..identify.task import IdentificationTask, Measured
 from ..identify.two_coats import stack_slopes
 from ..identify.untold import AsIf, as_if
-from ..identify.weigh import Odds, misfits
+from ..identify.weigh import Odds
 from .colour_metric import colour_metric
 
 # Candidates of a representative that are kept: those with this share of the best explanations, and so many at most.
@@ -98,12 +97,6 @@ class Local:
         """Some of the candidates."""
         return Local(*(getattr(self, f.name)[rows] for f in fields(self)))
 
-    @classmethod
-    def joined(cls, parts: "list[Local]") -> "Local":
-        """Candidates of further representatives; their rows count on."""
-        columns = [np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)]
-        return cls(*columns)
-
 
 @dataclass(frozen=True)
 class Searched:
@@ -126,10 +119,8 @@ class Searched:
     @classmethod
     def joined(cls, parts: Sequence["Searched"]) -> "Searched":
         """Further representatives, in order."""
-        first = np.cumsum([0, *(len(part.blur) for part in parts)])
-        local = [replace(part.local, row=part.local.row + n) for part, n in zip(parts, first, strict=False)]
-        columns = {f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)[:-1]}
-        return cls(**columns, local=Local.joined(local))
+        arrays = [part.arrays() for part in parts]
+        return cls.from_parts(len(parts), lambda n, name: arrays[n][name])
 
     def arrays(self) -> dict[str, np.ndarray]:
         """All arrays by name, to be kept in a file."""
@@ -188,8 +179,6 @@ def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
     left_out = np.where(kept, 0.0, share)
     rest = left_out.sum(axis=1)
     rest_paints = np.einsum("sc,scp->sp", left_out, present) / np.maximum(rest, 1e-12)[:, None]
-    log_share = np.where(np.isfinite(pool.log_weight), pool.log_weight, -np.inf)
-    off = misfits(measured, pool, np.exp(log_share - np.asarray(logsumexp(log_share, axis=1))[:, None]))
     metric = colour_metric(measured.wavelengths, measured.readings[:, 0])[row]
     parts: dict[str, np.ndarray] = {}
     condition, stacked = pool.condition[row, place], pool.coats[row, place].any(axis=-1)
@@ -216,15 +205,15 @@ def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
         "log_weight": pool.log_weight[at],
         "amounts": np.where(pool.members[at] == NOBODY, -np.inf, pool.logs[at]),
         "covariance": pool.covariance[at],
-        "seen": _of_length(np.einsum("ncb,nb->nc", metric, read - pool.readings[at]), off.seen[at]),
+        "seen": _of_length(np.einsum("ncb,nb->nc", metric, read - pool.readings[at]), odds.off.seen[at]),
         "seen_by": metric @ (eye - parts["fitted_by"]),
-        "left": _of_length(np.einsum("ncb,nb->nc", metric, read - pool.allowed[at]), off.left[at]),
+        "left": _of_length(np.einsum("ncb,nb->nc", metric, read - pool.allowed[at]), odds.off.left[at]),
         "left_by": left_by,
-        "shape": off.shape[at],
+        "shape": odds.off.shape[at],
         "fitted": pool.readings[at],
     }
     candidates = Local(*(_single(local[f.name]) for f in fields(Local)))
-    readings, blur = _single(measured.readings[:, 0]), _single(off.blur)
+    readings, blur = _single(measured.readings[:, 0]), _single(odds.off.blur)
     return Searched(readings, blur, _single(rest), _single(rest_paints), candidates)
 
 

@@ -104,7 +104,7 @@ def map_cube(
             the image itself. What a spectrum alone leaves open of a paint is taken as open (`spot_pigment`).
         instrument, geometry, discrepancy, prior, max_paints, layers: as for `glazefit.identify`.
         noise: of one reading of the image; by default told from the roughness of a sample of its spectra.
-        memory: bytes that the process is to stay below, at least some 800 MiB.
+        memory: bytes that the process is to stay below, at least some 950 MiB.
         client: of a dask cluster whose workers do the work; by default the one that this program has made, if any.
             Workers must see the image under the same path.
         overwrite: replace a map that is there.

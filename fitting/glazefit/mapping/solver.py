@@ -101,7 +101,9 @@ class PixelSolver:
     def solve(self, window: Window) -> ChunkMaps:
         """Maps of a window, from it alone."""
         with one_thread_each():
-            return self._solved(window)
+            maps = self._solved(window)
+        give_back()
+        return maps
 
     def _solved(self, window: Window) -> ChunkMaps:
         readings, status = self.image.read(window)
@@ -111,7 +113,6 @@ class PixelSolver:
         arrays = self._arrays(window, readings, status, good, seen, found, way)
         tallies: dict[str, float] = {words: float(np.sum(status == s)) for s, words in STATUS_WORDS.items()}
         tallies |= {f"way {w.name.lower()}": float(np.sum(way == w)) for w in Way if w}
-        give_back()
         tallies["explained"] = float(found.explained.sum())
         return ChunkMaps(arrays, tallies, _sums(found, seen))
 

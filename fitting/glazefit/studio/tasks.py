@@ -13,8 +13,10 @@ from jaxtyping import Float
 from glazejax import Pigment, colour
 from glazejax.catalogue import ASSUMED_THICKNESS
 from glazejax.io import SpectraTable
-from glazejax.spectra import resample, same_grid
-from glazejax.stacks import BLACK, WHITE, Spectrum, Stack, all_paints, pigment_to_dict, stack_from_dict
+from glazejax.spectra import same_grid
+from glazejax.stacks import BLACK, WHITE, Stack, all_paints, own_name, pigment_to_dict, stack_from_dict
+
+from ..film.readers import films_of
 
 Asked = Mapping[str, Any]
 Report = Callable[[str], None]
@@ -47,7 +49,7 @@ def recipes(asked: Asked, report: Report) -> dict[str, Any]:
     found = find_recipes(
         target,
         paints,
-        ground=_ground(stack, paints[0].wavelengths),
+        ground=stack.ground_on(paints[0].wavelengths),
         geometry=stack.seen_by,
         refractive_index=stack.refractive_index,
         max_layers=1 if options.get("layers") == 1 else 2,
@@ -87,10 +89,10 @@ def identification(asked: Asked, report: Report) -> dict[str, Any]:
     table, paints = _table(asked), _paints(stack)
     report(f"weighing sets of {len(paints)} paints, and none of them")
     if options.get("films"):
-        found = identify_films(_films(table), paints, keep=_CANDIDATES)
+        found = identify_films(films_of(table), paints, keep=_CANDIDATES)
     else:
         below = options.get("below", "opaque")
-        levels = {"white": WHITE, "black": BLACK, "ground": _ground(stack, table.wavelengths)}
+        levels = {"white": WHITE, "black": BLACK, "ground": stack.ground_on(table.wavelengths)}
         if below != "opaque" and below not in levels:
             raise ValueError(f"the film lies over {below!r}; it must be opaque, white, black or ground")
         parts = []
@@ -148,7 +150,7 @@ def recovery(asked: Asked, report: Report) -> dict[str, Any]:
     """
     from ..recover.film_by_film import recover_films
 
-    films = _films(_table(asked))
+    films = films_of(_table(asked))
     if len(films) > _MOST_FILMS:
         raise ValueError(
             f"{len(films)} films take long; the studio recovers {_MOST_FILMS} at once, `recover` any number"
@@ -159,10 +161,10 @@ def recovery(asked: Asked, report: Report) -> dict[str, Any]:
         f"recovered in the studio from one film each, taken as {ASSUMED_THICKNESS * 1e6:g} micrometres thick: k and s "
         "scale with its inverse"
     )
-    taken, pigments, listed = all_paints(), {}, []
+    pigments, listed = {}, []
     for row, film in enumerate(films.names):
         paint = found.pigment(row, ASSUMED_THICKNESS, origin)
-        name = f"{film} (own)" if film in taken or "/" in film else film
+        name = own_name(film)
         pigments[name] = pigment_to_dict(paint)
         told = paint.identifiable
         unknown = "" if told is None or told.all() else f"{int((~told).sum())} of {told.size} bands"
@@ -182,31 +184,7 @@ def _paints(stack: Stack) -> list[Pigment]:
         covers = paint.wavelengths[0] <= grid[0] and paint.wavelengths[-1] >= grid[-1]
         if same_grid(paint.wavelengths, grid) or covers:
             own[name] = paint if same_grid(paint.wavelengths, grid) else paint.resample(grid)
-    return [_named(name, paint) for name, paint in {**chosen, **own}.items()]
-
-
-def _named(name: str, paint: Pigment) -> Pigment:
-    """The paint under the studio's name, which a stack is made of."""
-    if paint.name == name:
-        return paint
-    return Pigment(
-        name,
-        paint.wavelengths,
-        paint.absorption,
-        paint.scattering,
-        identifiable=paint.identifiable,
-        absorption_sd=paint.absorption_sd,
-        scattering_sd=paint.scattering_sd,
-        error_modes=paint.error_modes,
-        provenance=paint.provenance,
-    )
-
-
-def _ground(stack: Stack, grid: Float[np.ndarray, "bands"]) -> "float | Float[np.ndarray, 'bands']":
-    level = stack.level()
-    if isinstance(level, Spectrum):
-        return np.asarray(resample(level.wavelengths, level.reflectance, grid))
-    return level
+    return [paint.renamed(name) for name, paint in {**chosen, **own}.items()]
 
 
 def _table(asked: Asked) -> SpectraTable:
@@ -217,16 +195,6 @@ def _table(asked: Asked) -> SpectraTable:
     if len(names) != len(values):
         raise ValueError(f"{len(names)} names were sent for {len(values)} spectra; drop the file again")
     return SpectraTable(grid, names, values)
-
-
-def _films(table: SpectraTable) -> Any:
-    from ..film.films import Films
-
-    stems = list(dict.fromkeys(name.rpartition("_")[0] for name in table.names))
-    b, w, ob, ow = (
-        table.reflectance[[table.names.index(f"{s}_{end}") for s in stems]] for end in ("b", "w", "ob", "ow")
-    )
-    return Films(tuple(stems), table.wavelengths, b, w, ob, ow)
 
 
 def _coat(parts: Mapping[str, float], thickness: float) -> dict[str, Any]:

@@ -184,6 +184,23 @@ class Pigment(eqx.Module):
             provenance=self.provenance,
         )
 
+    def renamed(self, name: str) -> "Pigment":
+        """The same paint under another name."""
+        if name == self.name:
+            return self
+        return type(self)(
+            name,
+            self.wavelengths,
+            self.absorption,
+            self.scattering,
+            identifiable=self.identifiable,
+            absorption_sd=self.absorption_sd,
+            scattering_sd=self.scattering_sd,
+            error_modes=self.error_modes,
+            phase=self.phase,
+            provenance=self.provenance,
+        )
+
     def __repr__(self) -> str:
         return f"Pigment({self.name!r}, {describe_grid(self.wavelengths)})"
 

@@ -12,12 +12,10 @@ import numpy as np
 from jaxtyping import Float
 
 from .. import colour
-from ..geometry import Bidirectional
 from ..interpolated import MOST_AXES, Interpolated, interpolated
 from ..paint.describe import Coat
-from ..spectra import resample
-from ..stacks import BLACK, Spectrum, Stack, all_paints, common_grid, paints, stack_to_dict
-from .engine import GAMUT, Engine, spectra_of
+from ..stacks import BLACK, Stack, all_paints, common_grid, paints, stack_to_dict
+from .engine import GAMUT, Engine, alike_angles, coefficients, spectra_of, weights_of
 
 DELTA_E = 0.2
 """Largest CIEDE2000 difference wanted between a pixel and its full computation."""
@@ -124,16 +122,13 @@ def _chosen(brushed: Any, stack: Stack) -> list[tuple[int, float]]:
 
 def _made(stack: Stack, tops: dict[str, float], lamp: Any, size: int) -> tuple[Interpolated, Float[np.ndarray, "3"]]:
     grid, media = common_grid(stack, paints(stack)), stack.media()
-    weights = colour.colour_weights(grid, lamp) if isinstance(lamp, str) else colour.lamp_weights(grid, *lamp[1:])
+    weights = weights_of(lamp, grid)
     white = weights.sum(axis=0)
-    level = stack.level()
-    if isinstance(level, Spectrum):
-        level = np.asarray(resample(level.wavelengths, level.reflectance, grid))
-    grounds = [np.broadcast_to(np.asarray(one, float), grid.shape) for one in (level, BLACK)]
+    grounds = [np.broadcast_to(np.asarray(one, float), grid.shape) for one in (stack.ground_on(grid), BLACK)]
     grounds = grounds if stack.ground == "card" else grounds[:1]
-    k, s = (np.array([np.asarray(getattr(m, what), float) for m in media]) for what in ("absorption", "scattering"))
+    k, s = (coefficients(media, what, grid.size) for what in ("absorption", "scattering"))
     fixed = np.array([coat.total for coat in stack.shown])
-    main = stack.seen_by
+    light, seen = alike_angles(stack.seen_by, _BLOCK)
 
     def xyz(**columns: Float[np.ndarray, "points"]) -> Float[np.ndarray, "points sides 3"]:
         count = len(next(iter(columns.values())))
@@ -143,8 +138,6 @@ def _made(stack: Stack, tops: dict[str, float], lamp: Any, size: int) -> tuple[I
             depth[:count, int(name.split()[1])] = column
         both = np.zeros((2, _BLOCK, grid.size, size))
         both[..., : len(media)] = np.stack([k, s])[:, None].swapaxes(-1, -2)
-        light = np.full(_BLOCK, float(np.asarray(main.incidence)))
-        seen = np.full(_BLOCK, float(np.asarray(main.viewing)) if isinstance(main, Bidirectional) else 0.0)
         sides = []
         for ground in grounds:
             below = np.broadcast_to(ground, (_BLOCK, grid.size))

@@ -20,7 +20,6 @@ from ..paint.describe import Coat
 from ..paint.media import MAX_THICKNESS, Mixture, Pigment
 from ..radiative.common.fresnel import dielectric_reflectance
 from ..radiative.stack import stack_hemispherical_reflectance, stack_reflectance_factor
-from ..spectra import resample
 from ..stacks import BLACK, WHITE, Spectrum, Stack, all_paints, common_grid, paints
 
 SIZES = (1, 3, 8)
@@ -113,8 +112,8 @@ class Engine:
             ValueError: too many coats, an unknown lamp, or one that does not suit the spectra.
         """
         grid, media = self._media(stack)
-        weights = [_weights(lamp, grid) for lamp in view.lamps]
-        k, s = (_coefficients(media, what, grid.size) for what in _COEFFICIENTS)
+        weights = [weights_of(lamp, grid) for lamp in view.lamps]
+        k, s = (coefficients(media, what, grid.size) for what in _COEFFICIENTS)
         thickness = np.array([coat.total for coat in stack.shown])
         grounds = _grounds(stack, grid)
         key = self._key(stack, grid.size)
@@ -174,16 +173,15 @@ def rows_of(size: int) -> int:
     return _FIXED + 2 * size
 
 
-def _coefficients(media: Sequence[Pigment | Mixture], what: str, bands: int) -> Float[np.ndarray, "coats bands"]:
+def coefficients(media: Sequence[Pigment | Mixture], what: str, bands: int) -> Float[np.ndarray, "coats bands"]:
+    """k or s of coats, 1/m."""
     return np.array([np.asarray(getattr(medium, what), float) for medium in media]).reshape(-1, bands)
 
 
 def _grounds(stack: Stack, grid: Float[np.ndarray, "bands"]) -> Float[np.ndarray, "3 bands"]:
     """The ground (white, of a card), white and black."""
-    level = stack.level()
-    if isinstance(level, Spectrum):
-        level = np.asarray(resample(level.wavelengths, level.reflectance, grid))
-    return np.stack([np.broadcast_to(np.asarray(one, float), grid.shape) for one in (level, WHITE, BLACK)])
+    levels = (stack.ground_on(grid), WHITE, BLACK)
+    return np.stack([np.broadcast_to(np.asarray(one, float), grid.shape) for one in levels])
 
 
 def _rows(
@@ -252,10 +250,15 @@ def spectra_of(
 
 def _angles(main: Geometry, view: View, rows: int) -> tuple[Float[np.ndarray, "rows"], Float[np.ndarray, "rows"]]:
     """Light and view of the stack's geometry in every row but one."""
-    light = np.full(rows, float(np.asarray(main.incidence)))
-    seen = np.full(rows, float(np.asarray(main.viewing)) if isinstance(main, Bidirectional) else 0.0)
+    light, seen = alike_angles(main, rows)
     light[_ANGLE], seen[_ANGLE] = view.light, view.view
     return light, seen
+
+
+def alike_angles(main: Geometry, rows: int) -> tuple[Float[np.ndarray, "rows"], Float[np.ndarray, "rows"]]:
+    """Light and view of a geometry in every row, degrees."""
+    seen = float(np.asarray(main.viewing)) if isinstance(main, Bidirectional) else 0.0
+    return np.full(rows, float(np.asarray(main.incidence))), np.full(rows, seen)
 
 
 def deviation(
@@ -307,7 +310,8 @@ def _parts(medium: Pigment | Mixture) -> list[tuple[Pigment, float]]:
     return [(medium, 1.0)]
 
 
-def _weights(lamp: Any, grid: Float[np.ndarray, "bands"]) -> Float[np.ndarray, "bands 3"]:
+def weights_of(lamp: Any, grid: Float[np.ndarray, "bands"]) -> Float[np.ndarray, "bands 3"]:
+    """XYZ of a lamp by its name, or of one's own as `View.lamps` has it."""
     return colour.colour_weights(grid, lamp) if isinstance(lamp, str) else colour.lamp_weights(grid, *lamp[1:])
 
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 from ..io import SpectraTable, read_spectra
 from ..paint.media import Pigment
 from ..paint.pigment_table import read_pigments
-from ..stacks import all_paints, pigment_to_dict
+from ..stacks import own_name, pigment_to_dict
 
 _FILM_ROWS = ("b", "w", "ob", "ow")
 _MOST_PAINTS, _MOST_SPECTRA = 100, 200
@@ -65,24 +65,8 @@ def read(name: str, content: bytes) -> Upload:
 
 def own_names(found: dict[str, Pigment]) -> dict[str, Pigment]:
     """Paints by names that no catalogue has."""
-    taken = all_paints()
-    renamed = {(f"{name} (own)" if name in taken or "/" in name else name): paint for name, paint in found.items()}
-    return {name: _named(name, paint) for name, paint in renamed.items()}
-
-
-def _named(name: str, paint: Pigment) -> Pigment:
-    if name == paint.name:
-        return paint
-    return Pigment(
-        name,
-        paint.wavelengths,
-        paint.absorption,
-        paint.scattering,
-        identifiable=paint.identifiable,
-        absorption_sd=paint.absorption_sd,
-        scattering_sd=paint.scattering_sd,
-        provenance=paint.provenance,
-    )
+    renamed = {own_name(name): paint for name, paint in found.items()}
+    return {name: paint.renamed(name) for name, paint in renamed.items()}
 
 
 @contextmanager
