@@ -4,22 +4,112 @@ import re
 from pathlib import Path
 
 import pytest
+from benchmarks import figures
+from benchmarks.results import FOLDER
 
 from glazefit.film.errors import MISFIT
 
 ROOT = Path(__file__).parents[1]
-RESULTS = ROOT / "benchmarks" / "results"
 
-
-def result(name: str) -> str:
-    return (RESULTS / f"{name}.txt").read_text()
-
-
-def all_of(pattern: str, text: str) -> list[float]:
-    """Numbers that the pattern's groups find, thousands' commas taken off."""
-    found = [part for match in re.finditer(pattern, text) for part in match.groups()]
-    assert found, f"nothing like {pattern!r}"
-    return [float(part.replace(",", "")) for part in found]
+# Sentences that must stand in a document: in braces the name of a figure.
+_STUDIO = {
+    "slider's event to the swatch's new pixels, 1 coat": "one_coat",
+    "3 coats": "three_coats",
+    "8 coats": "eight_coats",
+    "a touch of the brush to pixels": "brush",
+    "all 512 x 512 pixels anew": "canvas",
+}
+_RIVALS = ("angle", "nnls", "nnls_log", "opaque", "film", "map")
+_COMMANDS = ("render", "recover", "recover_into", "identify", "recipe", "chart")
+SENTENCES = [
+    ("README.md", "worst of 1000 stacks a setting | {calibrate_directions.worst}"),
+    ("README.md", "both at an error of 1e-8 | {frontier.cdisort_1e8}"),
+    ("README.md", "that of the value, tolerance 1e-6 | {frontier.gradient}"),
+    ("README.md", "A million stacks of two layers | {scaling.million_seconds} s"),
+    ("README.md", "median ΔE00 | {colourchecker_recipes.within_one} of 24, {colourchecker_recipes.median}"),
+    ("README.md", "500 simulated films of paints | {coverage.least}-{coverage.most} %"),
+    ("README.md", "symmetry for both; for neither | {many_flux_claims.both}; {many_flux_claims.neither}"),
+    ("README.md", "of 39 tints and shades left out of the fit | {truth.glazejax_mixtures} %"),
+    ("README.md", "left out of the fit: median ΔE00 | {prediction.median} |"),
+    (
+        "README.md",
+        "first set as a full search says, 2000 pixels of a million | {painting.seconds} s, {painting.large_gib} GiB; "
+        "{painting.same_set} % |",
+    ),
+    (
+        "README.md",
+        "over assembly by quadrature¹ | {paper_tables.own_least}-{paper_tables.own_most} %; "
+        "{paper_tables.conventional_least}-{paper_tables.conventional_most} %",
+    ),
+    (
+        "docs/accuracy.md",
+        "All 24 take {colourchecker_recipes.first} s the first time, with compilation, and "
+        "{colourchecker_recipes.again} s again",
+    ),
+    (
+        "docs/accuracy.md",
+        "At a tolerance of 1e-3, 41 wavelengths take {profile_solver.call_us} µs in {profile_solver.kernels} kernels "
+        "of {profile_solver.kernel_us} µs each",
+    ),
+    (
+        "docs/accuracy.md",
+        "its error is {auxiliary_order.times_smaller_rms} to {auxiliary_order.times_smaller_largest} times smaller",
+    ),
+    (
+        "docs/accuracy.md",
+        "fixed step over own step, both decomposed | 3.7-6.6 % | {paper_tables.own_least}-{paper_tables.own_most} %",
+    ),
+    (
+        "docs/accuracy.md",
+        "{emcee_speed.uncompiled_least} to {emcee_speed.uncompiled_most} times as fast as the same formulas called "
+        "walker by walker, uncompiled, and {emcee_speed.one_least} to {emcee_speed.one_most} times",
+    ),
+    (
+        "docs/accuracy.md",
+        "ray-traced with one bounce (figure 15) | {object_colour_figures.planes_mean} | "
+        "{object_colour_figures.planes_most}",
+    ),
+    ("docs/accuracy.md", "Over all pairs it is nearer in {paper_rounding.all_nearer} %"),
+    ("docs/accuracy.md", "though the paints are there | | {truth.none_false} % |"),
+    ("docs/accuracy.md", "the first is right | {truth.held} % of {truth.held_of} | |"),
+    ("docs/accuracy.md", "with the family of the main paint taken out | | {truth.none_found} % |"),
+    (
+        "docs/accuracy.md",
+        "is predicted over black within {prediction.reading} on average and {prediction.reading_median} in the median",
+    ),
+    *(
+        (
+            "docs/accuracy.md",
+            f"| {{painting.{size}_pixels}} | {{painting.{size}_seconds}} | {{painting.{size}_rate}} | "
+            f"{{painting.{size}_gib}} GiB |",
+        )
+        for size in ("small", "million", "large")
+    ),
+    (
+        "docs/accuracy.md",
+        "{painting.same_set} % have the same first set and {painting.same_none} % the same answer to 'none'",
+    ),
+    *(
+        (
+            "docs/accuracy.md",
+            f"| {{painting.{name}_right}} % | {{painting.{name}_main}} % | {{painting.{name}_shares}} | "
+            f"{{painting.{name}_false}} % | {{painting.{name}_found}} % |",
+        )
+        for name in _RIVALS
+    ),
+    *(
+        ("docs/accuracy.md", f"| {{cold_start.{name}_before_programs}} → {{cold_start.{name}_programs}} |")
+        for name in _COMMANDS
+    ),
+    *(
+        ("docs/studio.md", f"{words} | {{studio.{key}_median}} ms | {{studio.{key}_95}} ms |")
+        for words, key in _STUDIO.items()
+    ),
+    (
+        "docs/studio.md",
+        "The page is usable {studio.second_start} s after it is opened, and {studio.first_start} s the very first time",
+    ),
+]
 
 
 def words(document: str) -> str:
@@ -27,201 +117,21 @@ def words(document: str) -> str:
     return " ".join((ROOT / document).read_text().split())
 
 
-def worst_over_tolerance() -> str:
-    rows = [line.split()[1:] for line in result("calibrate_directions").splitlines() if line.startswith("1e-")]
-    # Of each setting: number of directions, and two errors over the tolerance.
-    return f"worst of 1000 stacks a setting | {max(float(v) for row in rows for v in (*row[1::3], *row[2::3])):.2f}"
+@pytest.mark.parametrize(("document", "sentence"), SENTENCES, ids=lambda value: value[:60])
+def test_the_figure_is_that_of_its_result(document, sentence):
+    wanted = re.sub(r"\{([\w.]+)\}", lambda name: figures.figure(name[1]), sentence)
+    assert wanted in words(document), f"{document} should say: {wanted}"
 
 
-def beside_cdisort() -> str:
-    (ratio,) = all_of(r"CDISORT without surface +at 1e-08 +([\d.]+)", result("frontier"))
-    return f"both at an error of 1e-8 | {1 / ratio:.0f}"
-
-
-def gradient() -> str:
-    (ratio,) = all_of(r"value and gradient / value +tol. 1e-06 +([\d.]+)", result("frontier"))
-    return f"that of the value, tolerance 1e-6 | {ratio:.1f}"
-
-
-def million() -> str:
-    (milliseconds,) = all_of(r"\n1000000 +(\d+)", result("scaling"))
-    return f"A million stacks of two layers | {milliseconds / 1e3:.1f} s"
-
-
-def chart() -> str:
-    median, _, below, _ = all_of(r"\n +3 +2 +([\d.]+) +([\d.]+) +(\d+) +([\d.]+)", result("colourchecker_recipes"))
-    return f"{below:.0f} of 24, {median:.2f}"
-
-
-def chart_seconds() -> str:
-    text = result("colourchecker_recipes")
-    first, again = all_of(r"at most: ([\d.]+) s the first", text) + all_of(r"\n([\d.]+) s again", text)
-    return f"All 24 take {first} s the first time, with compilation, and {again} s again"
-
-
-def posterior() -> str:
-    part = result("coverage").partition("bands:")[0]
-    held = all_of(r"\n(?:thickness|gloss|model error|fraction) +\d+ +([\d.]+)%", part)
-    return f"500 simulated films of paints | {min(held):.0f}-{max(held):.0f} %"
-
-
-def kernels() -> str:
-    call, count, each = all_of(r"\n +41 +1e-03 +\d+ +(\d+) +(\d+) +([\d.]+)", result("profile_solver"))
-    return f"At a tolerance of 1e-3, 41 wavelengths take {call:.0f} µs in {count:.0f} kernels of {each} µs each"
-
-
-def corrected_order() -> str:
-    rows = all_of(r"\n +0\.01 +(\S+) +(\S+)", result("auxiliary_order"))
-    printed, corrected = rows[:2], rows[-2:]
-    low, high = (round(p / c, -2) for p, c in zip(printed, corrected, strict=True))
-    return f"its error is {low:.0f} to {high:.0f} times smaller"
-
-
-def fixed_over_own_step() -> str:
-    shares = all_of(r"here: fixed step over own step, decomposed" + r" +([\d.]+)%" * 6, result("paper_tables"))
-    return f"fixed step over own step, both decomposed | 3.7-6.6 % | {min(shares):.0f}-{max(shares):.0f} %"
-
-
-def walkers() -> str:
-    plain = all_of(r"not compiled \S+ \((\d+)\)", result("emcee_speed"))
-    one = all_of(r"one walker at a time \S+ \((\d+)\)", result("emcee_speed"))
-    return (
-        f"{min(plain):.0f} to {max(plain):.0f} times as fast as the same formulas called walker by walker, uncompiled, "
-        f"and {min(one):.0f} to {max(one):.0f} times"
-    )
-
-
-def paths() -> str:
-    """To two digits, as a time on a shared machine is worth."""
-    both, neither = (
-        all_of(rf"{words}[^\n]*? +([\d,]+) +\S+\n", result("many_flux_claims"))[0]
-        for words in ("by symmetry, both", "for neither: 303")
-    )
-    return f"symmetry for both; for neither | {float(f'{both:.2g}'):.0f}; {float(f'{neither:.2g}'):.0f}"
-
-
-def monitor() -> str:
-    text = result("object_colour_figures").partition("Figure 16,")[2]
-    mean, most = all_of(r"as read, black of \S+ cd/m2 +([\d.]+) mean, ([\d.]+) at most", text)
-    return f"ray-traced with one bounce (figure 15) | {mean:.4f} | {most:.4f}"
-
-
-def draws() -> str:
-    """The first table of draws, of the paints as they are."""
-    first = result("paper_rounding").partition("The paper's mean h")[0]
-    (share,) = all_of(r"fixed step nearer in (\d+)% of all draws", first)
-    return f"Over all pairs it is nearer in {share:.0f} %"
-
-
-def pigments_first() -> str:
-    (share,) = all_of(r"\nglazejax +\d+% +\d+/55 +(\d+)% +\d+/39", result("truth"))
-    return f"of 39 tints and shades left out of the fit | {share:.0f} %"
-
-
-def predicted() -> str:
-    (median,) = all_of(r"median, all +\S+ +(\S+)", result("prediction"))
-    return f"left out of the fit: median ΔE00 | {median:.1f} |"
-
-
-def one_reading() -> str:
-    mean, median = all_of(r"with it (\S+) \((\S+)\)", result("prediction"))
-    return f"is predicted over black within {mean:.2f} on average and {median:.2f} in the median"
-
-
-def studio() -> str:
-    """Rows of the table; only they change from run to run."""
-    rows = all_of(r"slider to swatch drawn, \d coats? +(\d+) +(\d+)", result("studio"))
-    rows += all_of(r"touch of the brush to pixels +(\d+) +(\d+)", result("studio"))
-    rows += all_of(r"all 512 x 512 pixels anew +(\d+) +(\d+)", result("studio"))
-    names = ("new pixels, 1 coat", "3 coats", "8 coats", "a touch of the brush to pixels", "all 512 x 512 pixels anew")
-    cells = [f"| {median:.0f} ms | {most:.0f} ms |" for median, most in zip(rows[::2], rows[1::2], strict=True)]
-    first = "slider's event to the swatch's "
-    return " ".join(
-        f"| {first * (not i)}{name} {cell}" for i, (name, cell) in enumerate(zip(names, cells, strict=True))
-    )
-
-
-def studio_start() -> str:
-    first, again = all_of(r"page usable ([\d.]+) s later", result("studio"))
-    return f"The page is usable {again} s after it is opened, and {first} s the very first time"
-
-
-def none_found() -> str:
-    false, found = all_of(r"\nglazejax .*?\) +(\d+)% +(\d+)%", result("truth"))
-    held, count = all_of(r"INTERVALS of fractions, [^:]*: (\d+)% of (\d+)", result("truth"))
-    told = f"called 'none of these' though the paints are there | | {false:.0f} % |"
-    told += " | 90 % intervals of fractions that hold the true one, where the first is right"
-    told += f" | {held:.0f} % of {count:.0f} | |"
-    return f"{told} | found to be none, with the family of the main paint taken out | | {found:.0f} % |"
-
-
-def _painting_rows() -> list[list[str]]:
-    return [line.split() for line in result("painting").splitlines() if re.match(r" +[\d,]+ +200 ", line)]
-
-
-def mapped() -> str:
-    seconds, memory = (float(_painting_rows()[-1][n]) for n in (6, 8))
-    (same,) = all_of(r"same first set ([\d.]+)%", result("painting"))
-    return f"first set as a full search says, 2000 pixels of a million | {seconds:.0f} s, {memory} GiB; {same} % |"
-
-
-def maps() -> str:
-    rows = [f"| {row[0]} | {row[6]} | {row[7]} | {row[8]} GiB |" for row in _painting_rows()]
-    return " ".join(rows)
-
-
-def map_beside_rivals() -> str:
-    def row(name: str) -> str:
-        found = next(line for line in result("painting").splitlines() if line.startswith(name))
-        right, _, _, _, _, main, shares, _, false, seen, _ = found[len(name) :].split()
-        cells = (f"{cell[:-1]} %" if cell.endswith("%") else cell for cell in (right, main, shares, false, seen))
-        return " | ".join(cells)
-
-    return f"| the map | {row('map_cube')} |"
-
-
-def agreed() -> str:
-    first, none = all_of(r"same first set ([\d.]+)%, same answer to 'none' ([\d.]+)%", result("painting"))
-    return f"{first} % have the same first set and {none} % the same answer to 'none'"
+@pytest.mark.parametrize("name", figures.names())
+def test_a_figure_stands_in_its_result(name):
+    assert figures.figure(name)
 
 
 def test_none_grows_with_the_misfit_as_films_left_out_say():
     """The curve is not today's (see `log_odds_of_none`), but grows as that does, and lies lower by less than one."""
-    intercept, slope = all_of(r"logistic curve, all films: (\S+) \+(\S+)", result("truth"))
+    curve = re.search(r"logistic curve, all films: (\S+) \+(\S+)", (FOLDER / "truth.txt").read_text())
+    assert curve
+    intercept, slope = map(float, curve.groups())
     assert MISFIT[1] == pytest.approx(slope, abs=0.3)
     assert intercept - 1.0 < MISFIT[0] < intercept + 0.3
-
-
-@pytest.mark.parametrize(
-    ("document", "sentence"),
-    [
-        ("README.md", worst_over_tolerance),
-        ("README.md", beside_cdisort),
-        ("README.md", gradient),
-        ("README.md", million),
-        ("README.md", chart),
-        ("README.md", posterior),
-        ("docs/accuracy.md", chart_seconds),
-        ("docs/accuracy.md", kernels),
-        ("docs/accuracy.md", corrected_order),
-        ("docs/accuracy.md", fixed_over_own_step),
-        ("docs/accuracy.md", walkers),
-        ("README.md", paths),
-        ("docs/accuracy.md", monitor),
-        ("docs/accuracy.md", draws),
-        ("README.md", pigments_first),
-        ("docs/accuracy.md", none_found),
-        ("README.md", predicted),
-        ("docs/accuracy.md", one_reading),
-        ("README.md", mapped),
-        ("docs/accuracy.md", maps),
-        ("docs/accuracy.md", agreed),
-        ("docs/accuracy.md", map_beside_rivals),
-        ("docs/studio.md", studio),
-        ("docs/studio.md", studio_start),
-    ],
-    ids=lambda value: value.__name__ if callable(value) else "",
-)
-def test_the_figure_is_that_of_its_result(document, sentence):
-    wanted = sentence()
-    assert wanted in words(document), f"{document} should say: {wanted}"

@@ -1,0 +1,265 @@
+"""Figures of the solver, the three papers and the studio: where each stands in its result file, and how it is said.
+
+See `benchmarks.figures`. Numbers are said as the first sentence that quotes them says them; others may round further.
+"""
+
+from benchmarks.figures import Reader, add, below, cell, found, least, most, number, one_over, ratio
+
+
+def _worst_over_tolerance(text: str) -> float:
+    """Of each setting a row has the number of directions and two errors over the tolerance."""
+    rows = [line.split()[1:] for line in text.splitlines() if line.startswith("1e-")]
+    return max(float(error) for row in rows for error in (*row[1::3], *row[2::3]))
+
+
+# The solver.
+add("calibrate_directions", ".2f", worst=_worst_over_tolerance)
+add("calibrate_directions", ".0f", stacks=found(r"over (\d+) stacks"))
+
+
+def _times_ours(words: str, error: str) -> Reader:
+    """The file has our time over theirs."""
+    return one_over(found(rf"{words} +at {error} +(\S+)"))
+
+
+for _key, _words in (
+    ("cdisort", "CDISORT without surface"),
+    ("sasktran2", "sasktran2, one mode"),
+    ("sasktran2_all_modes", "sasktran2, all modes"),
+):
+    add("frontier", "2s", **{f"{_key}_1e4": _times_ours(_words, "1e-04"), f"{_key}_1e8": _times_ours(_words, "1e-08")})
+add(
+    "frontier",
+    ".1f",
+    gradient=found(r"value and gradient / value +tol. 1e-06 +(\S+)"),
+    gradient_most=found(r"value and gradient / value, largest over tolerances +(\S+)"),
+)
+add(
+    "frontier",
+    ".0f",
+    conventional=one_over(found(r"glazejax / conventional at dh = .01, .* (\S+) +<= ")),
+    conventional_errors=ratio(found(r"errors \S+ (\S+)$"), found(r"errors (\S+), \S+$")),
+)
+
+add(
+    "scaling",
+    ".2f",
+    layers_power=found(r"exponent from 2 to 40: glazejax (\S+),"),
+    layers_40_ms=cell("40", 0),
+    million_seconds_exact=cell("1000000", 0, 1e-3),
+    million_single=cell("1000000", 3, 1e-3),
+)
+add(
+    "scaling",
+    ".1f",
+    million_seconds=cell("1000000", 0, 1e-3),
+    million_gib=cell("1000000", 1, 1 / 1024),
+    million_slopes=cell("1000000", 2, 1e-3),
+)
+add("scaling", ".0f", layers_40_cdisort_ms=cell("40", 2))
+add("profile_solver", ".0f", call_us=cell("41     1e-03", 1), kernels=cell("41     1e-03", 2))
+add("profile_solver", ".1f", kernel_us=cell("41     1e-03", 3))
+add(
+    "savings",
+    ".2f",
+    picture_seconds=found(r"seconds: (\S+),"),
+    picture_gib=found(r"peak memory of the process: (\S+) GiB"),
+)
+add("savings", ".1f", picture_first=found(r"the first time (\S+) with"))
+add("savings", ".0f", pixel_by_pixel=found(r"pixel by pixel it would take (\S+) s"))
+add("savings", ".3f", delta_e_most=found(r"Delta E00 from that.* max (\S+)"))
+
+# The first second.
+for _key, _words in (
+    ("render", "render"),
+    ("recover", "recover"),
+    ("recover_into", "recover --into"),
+    ("identify", "identify"),
+    ("recipe", "recipe --srgb"),
+    ("chart", "recipe --colourchecker"),
+):
+    for _when, _row in ((_key, _words), (f"{_key}_before", f"{_words}, before")):
+        add("cold_start", ".1f", **{f"{_when}_empty": cell(_row, 0), f"{_when}_again": cell(_row, 1)})
+        add("cold_start", ".0f", **{f"{_when}_programs": cell(_row, 4)})
+
+# Paper A.
+_OVER = {
+    "own": "here: fixed step over own step, decomposed",
+    "conventional": "here: fixed step over conventional",
+    "own_over_conventional": "here: own step, decomposed over conventional",
+    "paper": "paper: fixed step over own step, decomposed",
+}
+for _key, _row in _OVER.items():
+    _pairs = [cell(_row, k) for k in range(6)]
+    _style = ".0f" if _key.startswith("own") else ".1f"
+    add("paper_tables", _style, **{f"{_key}_least": least(*_pairs), f"{_key}_most": most(*_pairs)})
+add("paper_tables", ".3f", ac_fixed=cell("here: fixed step .01", 2), bc_fixed=cell("here: fixed step .01", 6))
+add("paper_tables", ".3f", ac_coarse=cell("here: coarsened to own step .04", 2))
+add("paper_tables", ".4f", bc_paper=cell("paper: fixed step .01", 6))
+add("paper_tables", ".2f", ab_coarse_paper=cell("paper: coarsened to own step .04", 0))
+add("paper_tables", ".0f", default_errors=one_over(found(r"error ratio (\S+)")))
+add(
+    "paper_tables",
+    ".2f",
+    default_time=found(r"time ratio +(\S+)%"),
+    default_time_one_by_one=found(r"time ratio .*; (\S+)%"),
+)
+_shares = {k: (cell("0.01", k), cell("0.04", k)) for k in (1, 3, 4)}
+for _k, _key in ((1, "assembly"), (3, "fixed"), (4, "without")):
+    add("paper_shares", ".0f", **{f"{_key}_least": least(*_shares[_k]), f"{_key}_most": most(*_shares[_k])})
+add(
+    "paper_shares",
+    ".0f",
+    hundred=cell("0.01     100           1", 4),
+    angles=cell("0.01      10          18", 4),
+    paper=found(r"assembly takes at least (\d+)%"),
+)
+for _key, _row in (("q120_401", "Q  120, 401 x  1 stacks"), ("q500", "Q  500,  41 x  1 stacks")):
+    add("auxiliary_products", ".0f", **{f"{_key}_one": cell(_row, 3), f"{_key}_fft": cell(_row, 9)})
+_slopes = {"after": "The same with derivatives"}
+add(
+    "auxiliary_products",
+    ".0f",
+    slopes_one=cell("Q  120,  41 x  1 stacks", 3, **_slopes),
+    slopes_fft=cell("Q  120,  41 x  1 stacks", 9, **_slopes),
+)
+add(
+    "auxiliary_products",
+    ".1f",
+    **{f"q500_mb_{_key}": cell("Q  500,  41 x  1 stacks", k) for k, _key in ((12, "one"), (13, "all"), (14, "fft"))},
+)
+add("auxiliary_products", ".0e", apart=cell("Q  120,  41 x  1 stacks", 13, **_slopes))
+for _key, _words in (("printed", "fixed step, as printed"), ("corrected", "fixed step, corrected")):
+    add("auxiliary_order", ".1f", **{f"{_key}": found(rf"{_words}: order (\S+)")})
+for _k, _key in ((0, "rms"), (1, "largest")):
+    add(
+        "auxiliary_order",
+        "1s",
+        **{
+            f"times_smaller_{_key}": ratio(
+                cell("0.01", _k, after="fixed step, as printed"), cell("0.01", _k, after="fixed step, corrected")
+            )
+        },
+    )
+
+
+def _ends(row: str, pair: int, after: str = "") -> tuple[Reader, Reader]:
+    """Least and most of a pair's draws, of cells such as 0.0018-0.1976 below a row of medians."""
+
+    def cells(text: str) -> list[str]:
+        line = below(below(text, after), row).splitlines()[1]
+        return line.partition("draws")[2].split()[pair].split("-")
+
+    return lambda text: number(cells(text)[0]), lambda text: number(cells(text)[1])
+
+
+_FIXED, _COARSE, _THICK = (
+    "here: fixed step .01, median",
+    "here: coarsened to own step .04, median",
+    "With paints as thick",
+)
+_draws = {
+    "ac": _ends(_FIXED, 1),
+    "bc": _ends(_FIXED, 3),
+    "bc_thick": _ends(_FIXED, 3, _THICK),
+}
+for _key, (_low, _high) in _draws.items():
+    add("paper_rounding", ".4f", **{f"{_key}_least": _low, f"{_key}_most": _high})
+add("paper_rounding", ".2f", ab_coarse_most=_ends(_COARSE, 0)[1])
+add(
+    "paper_rounding",
+    ".0f",
+    draws=found(r"times 0.96 to 1.04, (\d+) draws"),
+    ac_nearer=cell("fixed step nearer, of the draws", 3),
+    all_nearer=found(r"fixed step nearer in (\d+)% of all draws"),
+)
+add("paper_rounding", ".3f", rounded_apart=cell("fixed step .01 from the default solver with both", 3))
+for _key, _paint in (("b", "vermilion"), ("a", "lead_tin")):
+    add(
+        "paper_rounding",
+        ".1f",
+        **{f"{_paint}_thickness": ratio(found(rf"^ .*\b{_key} ([\d.]+)"), found(rf"here: .*\b{_key} ([\d.]+)"))},
+    )
+
+# Paper B.
+for _key, _words in (("spheres", "Figure 10: a line"), ("copper", "Figure 14: copper"), ("planes", "Figure 16, 42")):
+    _row = "two tables, monitor as read, black of 0.05 cd/m2"
+    add(
+        "object_colour_figures",
+        ".4f",
+        **{f"{_key}_mean": cell(_row, 0, after=_words), f"{_key}_most": cell(_row, 2, after=_words)},
+    )
+add(
+    "object_colour_figures",
+    ".4f",
+    chips_mean=found(r"two tables, monitor as read.*xy (\S+) mean"),
+    chips_most=found(r"two tables, monitor as read.*xy \S+ mean, (\S+) at"),
+    planes_misprint=cell("the same, T from y of green .607 as printed", 0, after="Figure 16, 42"),
+)
+add(
+    "object_colour_figures",
+    ".3f",
+    spheres_one_table=cell("one table of 256, monitor known exactly", 2, after="Figure 10: a"),
+)
+add(
+    "object_colour_figures",
+    ".1f",
+    matrix=found(r"largest difference (\S+)% of the largest number"),
+    chips_luminance=found(r"two tables, monitor as read.*Y off (\S+)% mean"),
+    chips_luminance_most=found(r"two tables, monitor as read.*Y off \S+% mean, (\S+)% at"),
+)
+add("scene_speed", ".1f", first=found(r"first, with compilation: (\S+) s"), again=found(r"again: (\S+) s"))
+add("scene_speed", ".0f", left_out=found(r"left out: (\d+)%"))
+_scenes = [cell(scene, 0) for scene in ("diffuse", "copper", "glaze")]
+add("mitsuba_compare", ".2f", least=least(*_scenes), most=most(*_scenes))
+
+# Paper C.
+add(
+    "manyflux_speed",
+    ".0f",
+    fine=found(r"over glazejax at an error of 4.4e-03: (\S+) times"),
+    coarse=found(r"over glazejax at an error of 2.4e-02: (\S+) times"),
+)
+for _key, _words in (
+    ("paper", "as the paper counts: paths 303, fluxes by symmetry"),
+    ("both", "by symmetry, both: 13 incidences"),
+    ("neither", "for neither: 303 incidences"),
+    ("matrix", "for neither, fluxes as all cells of one matrix"),
+):
+    add("many_flux_claims", "2s", **{_key: cell(_words, 0)})
+    add("many_flux_claims", ".0e", **{f"{_key}_scaled": cell(_words, 1)})
+add(
+    "many_flux_claims",
+    ".0f",
+    path_error=found(r"paths: error (\S+)% with"),
+    order_0_full=cell("0", 0, after="order   full"),
+    order_1_full=cell("1", 0, after="order   full"),
+    inverse_diagonal=cell("inverse", 1, after="order   full"),
+    order_0_diagonal=cell("0", 1, after="order   full"),
+    order_2_diagonal=cell("2", 1, after="order   full"),
+    order_1_diagonal=cell("1", 1, after="order   full"),
+    series_saves=lambda text: 100 - found(r"inverse 100%, order 0 (\d+)%")(text),
+)
+add("many_flux_claims", ".2f", path_seconds=found(r"paths: (\S+) s a direction"))
+add("many_flux_claims", ".1f", matrix_seconds=found(r"no symmetry at all: (\S+) s"))
+add("many_flux_claims", ".3f", plane_order_0=cell("34 directions on the half circle:", 0))
+add("many_flux_claims", ".4f", plane_order_1=cell("34 directions on the half circle:", 2))
+add("many_flux_figures", ".2f", order_0=found(r"order 0: \(a\) (\S+) %"))
+add("many_flux_figures", ".3f", order_1=found(r"order 1: \(a\) (\S+) %"))
+add("many_flux_figures", ".1f", orders=ratio(found(r"order 0: \(a\) (\S+) %"), found(r"order 1: \(a\) (\S+) %")))
+
+# The studio.
+for _key, _row in (
+    ("one_coat", "slider to swatch drawn, 1 coat"),
+    ("three_coats", "slider to swatch drawn, 3 coats"),
+    ("eight_coats", "slider to swatch drawn, 8 coats"),
+    ("brush", "touch of the brush to pixels"),
+    ("canvas", "all 512 x 512 pixels anew"),
+):
+    add("studio", ".0f", **{f"{_key}_median": cell(_row, 0), f"{_key}_95": cell(_row, 1)})
+add(
+    "studio",
+    ".1f",
+    first_start=found(r"first start.*page usable (\S+) s later"),
+    second_start=found(r"second start.*page usable (\S+) s later"),
+)

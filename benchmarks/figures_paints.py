@@ -1,0 +1,237 @@
+"""Figures of paints: recipes, identification, maps, recovery and posteriors. See `benchmarks.figures`."""
+
+import re
+from collections.abc import Callable
+
+from benchmarks.figures import Reader, add, below, cell, found, least, most
+
+# Recipes.
+add(
+    "colourchecker_recipes",
+    ".1f",
+    first=found(r"at most: (\S+) s the first"),
+    again=found(r"^(\S+) s again"),
+    magenta=cell("magenta", 0),
+)
+add("colourchecker_recipes", ".2f", median=cell("3      2", 0, after="at most  "))
+add("colourchecker_recipes", ".0f", within_one=cell("3      2", 2, after="at most  "))
+
+# Identification.
+_FIRST = "FILMS LEFT OUT"
+for _key, _row in (
+    ("glazejax", "glazejax"),
+    ("bands", "errors band by band, as before"),
+    ("angle", "spectral angle, nearest film"),
+    ("slope", "derivative of -log R, nearest film"),
+    ("unmixing", "unmixing of -log R (NNLS)"),
+    ("kubelka_munk", "Kubelka-Munk, the same paints"),
+):
+    add("truth", ".0f", **{f"{_key}_films": cell(_row, 0), f"{_key}_mixtures": cell(_row, 2)})
+add("truth", ".0f", bands_false=cell("errors band by band, as before", 7))
+add(
+    "truth",
+    ".0f",
+    mixtures=found(rf"{_FIRST} \(\d+; (\d+) of several"),
+    films=found(rf"{_FIRST} \((\d+);"),
+    first_three=cell("glazejax", 4),
+    none_false=cell("glazejax", 7),
+    none_found=cell("glazejax", 8),
+    curve_found=found(r"fitted without the film's family: (\d+)% found"),
+    curve_false=found(r"fitted without the film's family: \d+% found, (\d+)% false"),
+    held=found(r"INTERVALS of fractions, [^:]*: (\d+)% of"),
+    held_of=found(r"INTERVALS of fractions, [^:]*: \d+% of (\d+)"),
+    not_none=lambda text: len(re.findall(r"^ +without: (?!.*nothing in the catalogue)", text, re.MULTILINE)),
+)
+add("truth", ".3f", fraction_mean=cell("glazejax", 5), fraction_median=cell("glazejax", 6))
+add("truth", ".1f", wrong_delta_e=found(r"off by Delta E00 (\S+) at most"))
+for _key, _row in (
+    ("noise", "noise of .01, untold"),
+    ("varnish", "yellowed varnish, untold"),
+    ("opaque", "over white, said to be opaque"),
+    ("ground", "over white, ground told as .5"),
+    ("all_wrong", "45:0, noise .005, varnish, said to be opaque"),
+):
+    add("truth", ".0f", **{f"met_{_key}": cell(_row, 0)})
+
+
+def _bin(n: int, part: int) -> Reader:
+    """Bin `n` of the probabilities: what is stated, the share that is right, and how many."""
+
+    def read(text: str) -> float:
+        row = next(line for line in below(text, "STATED -> TRUE").splitlines() if line.startswith("glazejax"))
+        return float(re.findall(r"(\S+) -> (\S+) \((\d+)\)", row)[n][part])
+
+    return read
+
+
+for _n in range(1, 5):
+    add("truth", ".2f", **{f"stated_{_n}": _bin(_n, 0), f"true_{_n}": _bin(_n, 1)})
+    add("truth", ".0f", **{f"count_{_n}": _bin(_n, 2)})
+
+for _key, _row in (("noise", "noise only"), ("errors", "and errors of 5 %")):
+    add("identification", ".0f", **{f"{_key}_rate": cell(_row, 1), f"{_key}_thorough_rate": cell(_row, 2)})
+    add("identification", ".1f", **{f"{_key}_same": cell(_row, 3), f"{_key}_off": cell(_row, 4)})
+add("identification", ".0f", triples_rate=found(r"Sets of three too.*: (\d+) a second"))
+add(
+    "identification",
+    ".1f",
+    shades=cell("as measured        offset and strength free", 4, 100),
+)
+add(
+    "identification",
+    ".0f",
+    shades_angle=cell("as measured        nearest spectral angle", 4, 100),
+    cards=cell("offset and strength free", 4, 100, after="across cards"),
+    cards_angle=cell("nearest spectral angle", 4, 100, after="across cards"),
+    cards_slope=cell("angle of the slope of -log R", 4, 100, after="across cards"),
+)
+
+# Maps.
+for _key, _row in (("small", "99,856"), ("million", "1,000,000"), ("large", "9,998,244")):
+    add("painting", ",.0f", **{f"{_key}_pixels": found(rf"^ +({_row}) ")})
+    add("painting", ".1f", **{f"{_key}_seconds": cell(_row, 5)})
+    add("painting", ".0f", **{f"{_key}_rate": cell(_row, 6)})
+    add("painting", ".2f", **{f"{_key}_gib": cell(_row, 7)})
+add("painting", ".0f", seconds=cell("9,998,244", 5), saved=cell("9,998,244", 10))
+add("painting", ".2f", searched=cell("9,998,244", 9))
+add(
+    "painting",
+    ".1f",
+    same_set=found(r"same first set (\S+)%,"),
+    same_none=found(r"same answer to 'none' (\S+)%"),
+    averaged=lambda text: found(r"and (\S+) ms at every second")(text) / found(r"took (\S+) ms a pixel")(text),
+)
+add(
+    "painting",
+    ".3f",
+    probability_median=found(r"differs by (\S+) in the median"),
+    probability_most=found(r"by (\S+) in nine of ten"),
+    thickness_median=found(r"thickness by (\S+) and"),
+    thickness_most=found(r"thickness by \S+ and (\S+) of"),
+)
+for _key, _row in (
+    ("angle", "spectral angle, and pairs"),
+    ("nnls", "NNLS in R"),
+    ("nnls_log", "NNLS in -log R"),
+    ("opaque", "Kubelka-Munk, opaque"),
+    ("film", "Kubelka-Munk, film on ground"),
+    ("map", "map_cube"),
+):
+    _cells = {"right": 0, "main": 5, "false": 8, "found": 9}
+    add("painting", ".1f", **{f"{_key}_{_what}": cell(_row, _column) for _what, _column in _cells.items()})
+    add("painting", ".3f", **{f"{_key}_shares": cell(_row, 6)})
+add("painting", ".0f", map_two_coats=cell("map_cube", 2))
+add("painting", ".0f", map_three_coats=cell("map_cube", 3))
+
+# Catalogue and recovery.
+add("acrylics", ".1f", tints_1=cell("mean", 2), tints_100=cell("mean", 5), black=cell("mean", 6), white=cell("mean", 7))
+add("acrylics", ".1f", most=most(*(cell("max", k) for k in range(8))))
+add(
+    "prediction",
+    ".2f",
+    fitted=cell("all               39 films", 0),
+    left_out=cell("all               39 films", 1),
+    kubelka_munk=cell("all               39 films", 3),
+    simulated=cell("0%", 0, after="scatter of strength"),
+    simulated_median=cell("0%", 1, after="scatter of strength"),
+    scattered=cell("20%", 0, after="scatter of strength"),
+    without_reading=found(r"^without it (\S+) \("),
+    without_reading_median=found(r"^without it \S+ \((\S+)\)"),
+    reading=found(r"with it (\S+) \("),
+    reading_median=found(r"with it \S+ \((\S+)\)"),
+    correlation=cell("rank correlation of said and true errors", 0),
+)
+add(
+    "prediction",
+    ".1f",
+    median=cell("median, all", 1),
+    kubelka_munk_median=cell("median, all", 3),
+    said=cell("Delta E00 that the predictions say of themselves", 0),
+    simulated_said=cell("0%", 2, after="scatter of strength"),
+)
+add(
+    "prediction",
+    ".0f",
+    in_band=cell("readings within the 90 % band", 0),
+    films=found(r"^all +(\d+) films"),
+    reading_in_band=found(r"with it .*, (\S+)%;"),
+    reading_off=found(r"; (\d+) of \d+ above 3"),
+)
+
+# Own tubes.
+_TUBES = [
+    "d:8, both cards, bare cards too",
+    "de:8, both cards, bare cards too",
+    "45:0, both cards, bare cards too",
+]
+_ONE, _OPAQUE = "45:0, over white only, card not measured", "d:8, opaque films"
+_known = [cell(row, k) for row in _TUBES for k in (0, 1)]
+add(
+    "tubes",
+    ".0f",
+    held_least=least(*_known),
+    held_most=most(*_known),
+    one_card_k=cell(_ONE, 0),
+    one_card_s=cell(_ONE, 1),
+    in_band=cell("mean", 2, after="Measured tubes"),
+    untold_k=cell("d:8, told nothing", 1),
+    untold_s=cell("d:8, told nothing", 2),
+    usual_k=cell("d:8, told .0005 + .002 R", 1),
+    usual_s=cell("d:8, told .0005 + .002 R", 2),
+    told_k=cell("d:8, told .002", 1),
+    told_s=cell("d:8, told .002", 2),
+)
+add(
+    "tubes",
+    ".1f",
+    tint=cell(_TUBES[0], 2),
+    one_card_tint=cell(_ONE, 2),
+    opaque_tint=cell(_OPAQUE, 2),
+    measured=cell("mean", 0, after="Measured tubes"),
+    measured_median=cell("median", 0, after="Measured tubes"),
+    joint=cell("mean", 3, after="Measured tubes"),
+    joint_median=cell("median", 3, after="Measured tubes"),
+    entry_seconds=found(r"in a running process: (\S+) s"),
+    advice_seconds=found(r"what to measure next: (\S+) s"),
+)
+
+# Posteriors.
+_FILM, _BANDS = ("thickness", "gloss", "model error", "fraction"), ("absorption", "scattering", "ratio")
+for _key, _rows in (("", _FILM), ("bands_", _BANDS)):
+    _held = [cell(row, 1) for row in _rows]
+    add("coverage", ".0f", **{f"{_key}least": least(*_held), f"{_key}most": most(*_held)})
+_trusted = [cell(row, 3) for row in _FILM]
+add("coverage", ".0f", films=found(r"on (\d+) simulated"), trusted_least=least(*_trusted), trusted_most=most(*_trusted))
+_COATS = [cell(row, 2) for row in ("thickness of coat 1", "fraction 1 of coat 2", "thickness of coat 2")]
+add(
+    "layers_inverted",
+    ".0f",
+    stacks=found(r"a body of two, (\d+) stacks"),
+    all=cell("all", 2),
+    all_error=cell("all", 4),
+    cases=cell("all", 0),
+    coats_least=least(*_COATS),
+    coats_most=most(*_COATS),
+    model=cell("model error", 2),
+    model_error=cell("model error", 4),
+    laplace=cell("all", 8),
+    laplace_error=cell("all", 10),
+    trusted=cell("all", 11),
+    trusted_error=cell("all", 13),
+    trusts=cell("all", 14),
+)
+for _key, _words in (
+    ("two_grounds", "one, two grounds"),
+    ("one_ground", "one, one ground"),
+    ("shelf", "of the catalogue, two"),
+):
+    add("layers_inverted", ".0f", **{_key: cell("all", 2, after=_words), f"{_key}_error": cell("all", 4, after=_words)})
+
+
+def _walkers(pattern: str, choose: Callable[[list[float]], float]) -> Reader:
+    """Of all runs, over vectorised."""
+    return lambda text: choose([float(n) for n in re.findall(pattern + r" \S+ \((\d+)\)", text)])
+
+
+for _key, _words in (("uncompiled", "not compiled"), ("one", "one walker at a time")):
+    add("emcee_speed", ".0f", **{f"{_key}_least": _walkers(_words, min), f"{_key}_most": _walkers(_words, max)})
