@@ -29,6 +29,9 @@ from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.radiative.twoflux import saunderson, two_flux_reflectance
 from glazejax.spectra import Numbers
 
+REVISION = 1
+NEEDS = ("data/golden",)
+
 TABLE = Path(glazejax.__file__).parent / "catalogue" / "acrylics.csv"
 # Saunderson's constants of the source: the surface's part in a reading, and its reflectance from inside.
 K1, K2 = 0.03, 0.65

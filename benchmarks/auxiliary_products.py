@@ -16,12 +16,14 @@ import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.results import Results, add_option
-from benchmarks.timing import add_options, environment, interleaved
+from benchmarks.timing import add_options, interleaved
 from glazejax import stack_reflectance_factor
 from glazejax.radiative.auxiliary import uniform
 from glazejax.radiative.auxiliary.kernel_table import KernelTable
 from glazejax.radiative.auxiliary.uniform import reflectance_factor
 from glazejax.radiative.auxiliary.uniform_solver import GridSettings, solve
+
+REVISION = 1
 
 WAYS = {"one by one": "matrix", "matrices": "matrices", "transforms": "fft"}
 STEP, INDEX, GROUND = 0.01, 1.5, 0.8
@@ -120,7 +122,6 @@ def main() -> None:
     jax.config.update("jax_enable_x64", True)
     say = Results("auxiliary_products", options.out)
     say("Paper A: H, U and M of all wavelengths and glazes in one program, double precision")
-    say(environment())
     say(f"Two layers, albedo .2 to .99, random thickness; the thickest has Q steps of {STEP:g}; n = {INDEX:g}, ground")
     say(f"{GROUND:g}, 0/0 degrees. MB: working memory of the largest program, as planned by the compiler, in the order")
     say("of the ways. apart: largest difference of a value (or derivative) from the first way.\n")

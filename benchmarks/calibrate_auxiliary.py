@@ -16,10 +16,11 @@ import numpy as np
 
 from benchmarks.calibrate_directions import known, random_stacks
 from benchmarks.results import Results, add_option
-from benchmarks.timing import environment
 from glazejax.radiative.auxiliary import graded as auxiliary_graded
 from glazejax.radiative.auxiliary.panels import Mesh
 from glazejax.radiative.common.stack_arrays import Stack
+
+REVISION = 1
 
 INDICES = (1.0, 1.02, 1.33, 1.5, 2.5)
 THICKEST = (2.0, 8.0, 40.0, 1e4)
@@ -59,7 +60,6 @@ def main() -> None:
     given = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     say = Results("calibrate_auxiliary", given.out)
-    say(environment())
     say(f"{given.stacks} stacks of 1 or 2 layers a cell; worst error / tolerance of the reflectance factor and of")
     say("the hemispherical reflectance, then the median error of the first")
     rows = given.tolerances or [row.tolerance for row in auxiliary_graded._ROWS]

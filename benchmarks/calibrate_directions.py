@@ -15,12 +15,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.results import Results, add_option
-from benchmarks.timing import environment
 from glazejax.radiative.common.directions import Resolution, half_range, resolve
 from glazejax.radiative.common.quadrature import Directions
 from glazejax.radiative.ordinates import solver as ordinates
 from glazejax.radiative.ordinates.resolution import resolve_known
 from glazejax.radiative.stack import INDEX_RANGE
+
+REVISION = 1
 
 TOLERANCES = tuple(10.0**-k for k in range(2, 11))
 INDICES = (1.0, 1.000001, 1.0001, 1.02, 1.1, 1.33, 1.5, 1.7, 1.85, 2.5)
@@ -90,7 +91,6 @@ def main() -> None:
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     say = Results("calibrate_directions", options.out)
-    say(environment())
     stacks = random_stacks(options.stacks)
     reference = {n: both(stacks, n, FINEST) for n in INDICES[1:]}
     # At an index of exactly one the finest run, too, must have no totally reflected part.

@@ -24,9 +24,10 @@ from pathlib import Path
 from typing import NamedTuple
 
 from benchmarks.results import Results, add_option
-from benchmarks.timing import environment
 from glazejax import catalogue, samples
 from glazejax.appearance.scene.file import example
+
+REVISION = 1
 
 # Runs a command as its entry point does, and adds up what JAX's monitoring says.
 _RUN = """
@@ -162,7 +163,6 @@ def main() -> None:
     parser.add_argument("--before", type=Path, help="another checkout, whose commands are run in turn with these")
     options = parser.parse_args()
     say = Results("cold_start", options.out)
-    say(environment())
     say("Seconds from the start of the process to its end, and seconds of the processor (cpu), with an empty cache and")
     say("warm; of the warm runs the medians.")
     if options.before is not None:

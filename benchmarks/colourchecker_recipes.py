@@ -13,11 +13,12 @@ import numpy as np
 
 import glazejax as gj
 from benchmarks.results import Results, add_option
-from benchmarks.timing import environment
 from glazefit import Recipe, Target, colourchecker_targets, find_recipes
 from glazefit.recipe.plots import recipe_figure
 from glazejax import colour
 from glazejax.commands.main import start_jax
+
+REVISION = 1
 
 SEEN = gj.Bidirectional(45, 0)
 LIMITS = ((1, 1), (2, 1), (3, 1), (2, 2), (3, 2))
@@ -28,8 +29,7 @@ def main() -> None:
     add_option(parser)
     options = parser.parse_args()
     start_jax()
-    results = Results("colourchecker_recipes", options.out)
-    results(environment("colour-science", "optimistix"))
+    results = Results("colourchecker_recipes", options.out, "colour-science", "optimistix")
     catalogue = gj.catalogue.load()
     targets = colourchecker_targets()
     results(

@@ -25,7 +25,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.results import Results, add_option
-from benchmarks.timing import environment
+
+REVISION = 1
 
 GROUP = 100
 STEPS, BAND_STEPS, WALKERS, THIN = 2000, 1200, 16, 10
@@ -214,9 +215,8 @@ def main() -> None:
     add_option(parser)
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
-    say = Results("coverage", options.out)
+    say = Results("coverage", options.out, "emcee")
     say(f"Coverage of 90 % intervals on {options.films} simulated films of each kind (seed {options.seed})")
-    say(environment("emcee"))
     rng = np.random.default_rng(options.seed)
     groups = -(-options.films // GROUP)
     found: dict[str, dict[str, Ranks]] = {}

@@ -26,7 +26,8 @@ import numpy as np
 
 from benchmarks.coverage import simulate
 from benchmarks.results import Results, add_option
-from benchmarks.timing import environment
+
+REVISION = 1
 
 WALKERS = (32, 128, 512)
 ROUNDS = 5
@@ -162,9 +163,8 @@ def main() -> None:
     add_option(parser)
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
-    say = Results("emcee_speed", options.out)
+    say = Results("emcee_speed", options.out, "emcee")
     say("Milliseconds a step of emcee, by how the log-probability is called (in brackets: over vectorised)")
-    say(environment("emcee"))
     results: dict[str, dict[int, dict[str, float]]] = {}
     for title, problem in problems().items():
         say(f"\n{title}")

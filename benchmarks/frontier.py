@@ -35,7 +35,9 @@ from benchmarks.frontier_curves import (
 from benchmarks.frontier_plot import draw
 from benchmarks.peers import Work, installed, ours, sasktran, two_layers, without_blas_threads
 from benchmarks.results import Results, add_option
-from benchmarks.timing import environment, interleaved
+from benchmarks.timing import interleaved
+
+REVISION = 1
 
 # Load average above which the times of long programs suffer more than those of short ones.
 LOADED = 0.7
@@ -190,11 +192,10 @@ def main() -> None:
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     chosen = device.start(options.device)
-    say = Results(device.file_name("frontier", options.device), options.out)
+    say = Results(device.file_name("frontier", options.device), options.out, *PACKAGES)
     work = two_layers()
     peers, missing = peer_curves(work)
     say("Run time against error: 41 wavelengths x 2 layers, one geometry, reflectance factor; float64 unless said")
-    say(environment(*(package for package in PACKAGES if installed(package))))
     if options.device == "gpu":
         say(f"{device.words(chosen)}; 'ms GPU' is its time, inputs and results in its own memory")
     say(f"Threads: glazejax XLA's own pool; CDISORT {os.cpu_count()}; sasktran2 as its setting says, streams/threads;")

@@ -22,7 +22,8 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.results import FOLDER, Results, add_option
-from benchmarks.timing import environment
+
+REVISION = 1
 
 SECONDS = 10.0
 MEMORY = 200 << 20
@@ -159,7 +160,7 @@ def main() -> None:
             Path(f"fuzz.{options.case}").write_bytes(make(kind, options.seed, options.case))
             print(kind, Worker().run(kind, options.seed, options.case))
         return
-    results = Results("fuzz_readers", options.out if not options.only else FOLDER.parent / ".scratch")
+    results = Results("fuzz_readers", options.out if not options.only else FOLDER.parent / ".scratch", "numpy")
     each = -(-options.cases // len(kinds))
     tallies = {kind: Tally() for kind in kinds}
     faults: Counter[tuple[str, str]] = Counter()
@@ -190,7 +191,6 @@ def report(results: Results, tallies: dict[str, Tally], seed: int) -> None:
     cases = sum(tally.accepted + tally.refused + tally.faults for tally in tallies.values())
     results(f"{cases} damaged files, seed {seed}: accepted with the counts that they declare, refused in one sentence")
     results("that names the file, or faults (anything else, above 200 MB beside the file's size, above 10 s)")
-    results(environment("numpy"))
     results()
     results(f"{'kind of file':26} {'accepted':>9} {'refused':>9} {'faults':>7} {'MB above':>9} {'slowest, s':>11}")
     for kind, tally in tallies.items():

@@ -22,12 +22,14 @@ import numpy as np
 from benchmarks import device
 from benchmarks.identification_sets import hyppigments, hyppigments_across_cards, kimera, rrt
 from benchmarks.results import Results, add_option
-from benchmarks.timing import environment
 from glazefit import Identification, Noise, identify
 from glazefit.film.response import film_response
 from glazejax import Hemispherical, Pigment, catalogue
 from glazejax.commands.main import start_jax
 from glazejax.radiative.common import threads
+
+REVISION = 1
+NEEDS = ("data/kimera", "data/rrt", "data/hyppigments")
 
 UNIT = 25e-6
 
@@ -165,7 +167,6 @@ def main() -> None:
     chosen = device.start(options.device)
     start_jax()
     results = Results(device.file_name("identification", options.device), options.out)
-    results(environment())
     results(device.words(chosen))
     results()
     for part in (speed, profile, kimera, rrt, hyppigments, hyppigments_across_cards):

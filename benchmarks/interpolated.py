@@ -20,8 +20,9 @@ import numpy as np
 
 import glazejax as gj
 from benchmarks.results import Results, add_option
-from benchmarks.timing import environment
 from glazejax import colour
+
+REVISION = 1
 
 GRID = np.arange(400.0, 701.0, 10.0)
 RANGES = {"upper": (0.0, 6e-6), "lower": (0.0, 40e-6), "share": (0.0, 1.0)}
@@ -87,7 +88,7 @@ def main() -> None:
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     say = Results("interpolated", options.out)
-    say(f"{environment()}; {options.pixels} pixels to XYZ and sRGB, the solver itself {DIRECT} pixels")
+    say(f"{options.pixels} pixels to XYZ and sRGB, the solver itself {DIRECT} pixels")
     direct = jax.jit(lambda **given: xyz(**given))
     rng = np.random.default_rng(1)
 

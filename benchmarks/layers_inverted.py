@@ -24,7 +24,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.results import Results, add_option
-from benchmarks.timing import environment
+
+REVISION = 1
 
 GRID = np.arange(400.0, 701.0, 50.0)
 GROUNDS = np.array([0.03, 0.93])
@@ -222,9 +223,8 @@ def main() -> None:
     add_option(parser)
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
-    say = Results("layers_inverted", options.out)
+    say = Results("layers_inverted", options.out, "emcee")
     say(f"Stacks of coats found again: how often 90 % intervals hold the truth (seed {options.seed})")
-    say(environment("emcee"))
     rng = np.random.default_rng(options.seed)
     for simulate, count, steps in (
         (known_paints, options.stacks, STEPS),

@@ -22,7 +22,9 @@ from benchmarks.many_flux_example import THICKNESS as COAT_THICKNESS
 from benchmarks.many_flux_flat import Slab, flat_series, hemisphere, inner_reflectance, phase_matrix, solve
 from benchmarks.many_flux_paths import ALBEDO, BANDS, DIRECTIONS, INCIDENCE, PATHS, SECTORS, THICKNESS, G
 from benchmarks.results import Results, add_option
-from benchmarks.timing import environment, interleaved
+from benchmarks.timing import interleaved
+
+REVISION = 1
 
 COSINES = (np.arange(BANDS) + 0.5)[::-1] / BANDS
 AZIMUTH = (np.arange(SECTORS) + 0.5) * 360.0 / SECTORS
@@ -235,7 +237,6 @@ def main() -> None:
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     say = Results("many_flux_claims", options.out)
-    say(environment())
     speed(say)
     series(say)
     norm(say)

@@ -15,11 +15,12 @@ import numpy as np
 from benchmarks.many_flux_example import GROUND, INDEX, PRINTED, Example, compute
 from benchmarks.many_flux_paths import ALBEDO, DIRECTIONS, INCIDENCE, PATHS, THICKNESS, Comparison, G, compare
 from benchmarks.results import Results, add_option
-from benchmarks.timing import environment
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+REVISION = 1
 
 BLUE, ORANGE, GREEN, RED, GREY = "#0072b2", "#d55e00", "#009e73", "#cc3366", "0.45"
 COLOURS = (BLUE, ORANGE, GREEN, RED, "#8060b0")
@@ -282,7 +283,6 @@ def main() -> None:
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     out = Results("many_flux_figures", options.out)
-    out(environment())
     pictures = {
         "3_4": draw_modes_and_depths(out),
         "5": draw_paths(compare(), out),

@@ -18,7 +18,9 @@ import jax
 import numpy as np
 
 from benchmarks.results import Results, add_option
-from benchmarks.timing import environment
+
+REVISION = 1
+NEEDS = ("PythonicDISORT",)
 
 STREAMS = (24, 32, 48, 64)
 TOLERANCES = (3e-2, 1e-2, 3e-3, 1e-3)
@@ -130,9 +132,9 @@ def main() -> None:
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     warnings.simplefilter("ignore")
-    out = Results("manyflux_speed", options.out)
+    out = Results("manyflux_speed", options.out, "PythonicDISORT")
     scene = work()
-    out(f"{WAVELENGTHS} wavelengths, 2 layers, g = {G}, {ANGLES} x {ANGLES} angles x 2 azimuths; {environment()}")
+    out(f"{WAVELENGTHS} wavelengths, 2 layers, g = {G}, {ANGLES} x {ANGLES} angles x 2 azimuths")
     expected = ours(scene, FINE)
     out(f"Errors are the largest of the table, against this program at {FINE:g}; factors reach {expected.max():.1f}.")
     out(f"{'program':36}{'error':>10}{'seconds':>10}")

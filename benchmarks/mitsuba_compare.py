@@ -28,6 +28,9 @@ from glazejax.appearance.scene.render import render
 from glazejax.appearance.scene.scene import Camera, Scene
 from glazejax.appearance.scene.shapes import Box, Plane, Shape, Sphere
 
+REVISION = 1
+NEEDS = ("mitsuba",)
+
 VARIANT = "scalar_spectral"
 WAVELENGTHS = np.arange(400.0, 701.0, 10.0)
 
@@ -128,10 +131,9 @@ def main() -> None:
     import jax
 
     jax.config.update("jax_enable_x64", True)
-    import mitsuba as mi  # pyright: ignore[reportMissingImports]
 
-    results = Results("mitsuba_compare", options.out)
-    results(f"Mitsuba {mi.__version__}, {VARIANT}, {options.samples} samples a pixel; glazejax 16 x 16 rays a pixel")
+    results = Results("mitsuba_compare", options.out, "mitsuba")
+    results(f"Mitsuba in {VARIANT}, {options.samples} samples a pixel; glazejax 16 x 16 rays a pixel")
     titles = ("mean |difference|", "on objects alone", "difference of means")
     results(f"{'scene':10}" + "".join(f"{t:>21}" for t in titles) + f"{'limit':>9}{'ours s':>9}{'theirs s':>9}")
     pictures = []

@@ -26,10 +26,11 @@ from benchmarks.object_colour_monitor import chips, copper_plates, exposed, loop
 from benchmarks.object_colour_panels import curves_figure, figure_of, monitor_figure
 from benchmarks.object_colour_planes import planes
 from benchmarks.results import Results, add_option
-from benchmarks.timing import environment
 from glazejax.appearance import shading
 from glazejax.appearance.metals import metal
 from glazejax.commands.main import start_jax
+
+REVISION = 1
 
 ANGLES = np.arange(0.0, 87.6, 2.5)
 METALS = (COPPER, "copper", "gold", "silver", "aluminium")
@@ -44,9 +45,7 @@ def main() -> None:
     add_option(parser)
     options = parser.parse_args()
     start_jax()
-    results = Results("object_colour_figures", options.out)
-    results(environment("colour-science"))
-    results()
+    results = Results("object_colour_figures", options.out, "colour-science")
     results("Monitor (section 2)")
     screen = tables(results) | chips(results)
     pictures = {"spheres": spheres(results), "copper": copper(results), "planes": planes(results)}

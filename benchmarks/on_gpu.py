@@ -27,7 +27,9 @@ import numpy as np
 
 from benchmarks import device
 from benchmarks.results import Results, add_option
-from benchmarks.timing import environment
+
+REVISION = 1
+NEEDS = ("gpu",)
 
 TABLES = ("frontier", "scaling", "savings", "identification")
 REPETITIONS = 5
@@ -118,7 +120,6 @@ def main() -> None:
     jax.config.update("jax_enable_x64", True)
     chosen = device.start(options.device)
     say = Results("on_gpu" if options.device == "gpu" else "on_gpu_cpu", options.out)
-    say(environment())
     say(device.words(chosen))
     goals(say, options.small)
     say.save()

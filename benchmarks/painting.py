@@ -24,6 +24,9 @@ from benchmarks.results import Results, add_option
 from glazefit.mapping.example import painting, write_painting
 from glazefit.mapping.scene import FOREIGN
 
+REVISION = 1
+NEEDS = ("zarr", "dask")
+
 _SEED, _OTHER = 3, 4
 
 
@@ -41,7 +44,7 @@ def main() -> None:
     if options.child is not None:
         _child(options.child, options.workers)
         return
-    results = Results("painting", options.out)
+    results = Results("painting", options.out, "zarr", "dask")
     with tempfile.TemporaryDirectory() as temporary:
         folder = options.folder or Path(temporary)
         sides = [round((1e6 * size) ** 0.5) for size in sorted(options.megapixels)]

@@ -29,7 +29,8 @@ from benchmarks.paper_tables import (
     work,
 )
 from benchmarks.results import Results, add_option
-from benchmarks.timing import environment
+
+REVISION = 1
 
 STEP, COARSE = 0.01, 0.04
 DRAWS = np.linspace(0.96, 1.04, 41)
@@ -188,7 +189,6 @@ def main() -> None:
     jax.config.update("jax_enable_x64", True)
     say = Results("paper_rounding", options.out)
     say("Table 4 of paper A: the rounding of h to the fixed step")
-    say(environment())
     say("Paints, layers and angles as in paper_tables.txt; own step .01 is the table's standard.")
     pairs = work()
     parts(say, pairs)

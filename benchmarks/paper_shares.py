@@ -17,10 +17,12 @@ import numpy as np
 
 from benchmarks.paper_tables import GROUND, INDEX, METHODS, PAPER_SHORTENED, STEPS, Work, spectrum, work
 from benchmarks.results import Results, add_option
-from benchmarks.timing import add_options, environment, interleaved
+from benchmarks.timing import add_options, interleaved
 from glazejax.radiative.auxiliary import assembly, uniform
 from glazejax.radiative.auxiliary.kernel_table import KernelTable
 from glazejax.radiative.auxiliary.uniform_solver import GridSettings
+
+REVISION = 1
 
 OWN, FIXED = "own step, decomposed", "fixed step"
 CHOSEN = ("a/b", "b/c", "c/d")
@@ -140,7 +142,6 @@ def main() -> None:
     jax.config.update("jax_enable_x64", True)
     say = Results("paper_shares", options.out)
     say("Paper A, tables 2 and 3: where the time goes, before and after the step is fixed")
-    say(environment())
     say(f"Two layers of 12 um, n = {INDEX:g}, ground {GROUND:g}, paints as in paper_tables.txt\n")
     pairs = work()
     shares(say, pairs, options.repetitions, options.budget)

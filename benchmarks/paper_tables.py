@@ -19,13 +19,15 @@ import jax.numpy as jnp
 import numpy as np
 
 from benchmarks.results import Results, add_option
-from benchmarks.timing import add_options, environment, interleaved
+from benchmarks.timing import add_options, interleaved
 from glazejax import catalogue, colour, stack_reflectance_factor
 from glazejax.radiative.auxiliary import assembly
 from glazejax.radiative.auxiliary.contraction import solve_contraction
 from glazejax.radiative.auxiliary.kernel_table import KernelTable
 from glazejax.radiative.auxiliary.uniform import reflectance_factor
 from glazejax.radiative.common.linalg import solve_positive
+
+REVISION = 1
 
 WAVELENGTHS = np.arange(380.0, 781.0, 10.0)
 INDEX, GROUND, THICKNESS = 1.5, 1.0, 12e-6
@@ -339,7 +341,6 @@ def main() -> None:
     pairs = work()
     say = Results("paper_tables", options.out)
     say("Tables of paper A (Shinozawa, Kurumisawa, Takata, Joe 2013) and the same here, double precision")
-    say(environment())
     say("paints: " + ", ".join(f"{letter} {name}" for letter, name in PAINTS.items()) + ", of the catalogue, stand for")
     say("lead-tin yellow, vermilion, viridian and ultramarine; their k, s are not printed in the paper.")
     say(

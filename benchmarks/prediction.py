@@ -21,7 +21,6 @@ from scipy.stats import spearmanr
 from benchmarks.kubelka_munk import KubelkaMunk
 from benchmarks.measured import measured_data
 from benchmarks.results import Results, add_option
-from benchmarks.timing import environment
 from glazefit.film.films import Films, Instrument, Noise, cards
 from glazefit.film.mixing import MixingLaw
 from glazefit.film.readers import read_films, read_names
@@ -33,6 +32,9 @@ from glazefit.recover.mixture import calibrate_mixture, predict_mixture
 from glazefit.recover.prediction import predict_films
 from glazejax import catalogue
 from glazejax.commands.main import start_jax
+
+REVISION = 1
+NEEDS = ("data/revigo",)
 
 Recipes = dict[str, dict[str, float]]
 
@@ -220,7 +222,7 @@ def main() -> None:
             text += "\n\n" + "\n".join(more)
     print("\r", end="", file=sys.stderr)
     results = Results("prediction_scan" if options.scan else "prediction", options.out)
-    for line in [environment(), "", *text.splitlines()]:
+    for line in text.splitlines():
         results(line)
     results.save()
 

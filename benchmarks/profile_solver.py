@@ -23,8 +23,9 @@ import numpy as np
 
 from benchmarks.peers import ours, two_layers
 from benchmarks.results import Results, add_option
-from benchmarks.timing import environment
 from glazejax.radiative.ordinates.resolution import resolve_known
+
+REVISION = 1
 
 PARTS = ("modes", "assemble", "inverse", "eliminate")
 REPETITIONS = 100
@@ -94,7 +95,6 @@ def main() -> None:
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     say = Results("profile_solver", options.out)
-    say(environment())
     rate = reachable_rate()
     say(f"large matrix products: {rate / 1e9:.1f} billion multiply-adds a second and core")
     empty = jax.jit(lambda x: x + 1.0)

@@ -1,34 +1,93 @@
-"""Where a benchmark's output goes: lines to the screen and to NAME.txt, a picture to NAME.png, in one folder."""
+"""Where a benchmark's output goes: lines to the screen and to NAME.txt, a picture to NAME.png, in one folder.
+
+Every file begins with a head, two lines and an empty one:
+
+    made 2026-11-23 by python -m benchmarks.tubes --paints 50; glazejax 0.1.0, revision 2
+    x86_64, AMD EPYC, 2 cores, load 0.3; Python 3.11.7, jax 0.9.2
+
+The load is how many processes wanted the processor in the minute before. The revision is the benchmark's: its module
+says `REVISION = 2`, and says 3 when the next change of code, there or in what it measures, alters its numbers.
+`tests/test_results.py` fails where a file is behind. `head` reads what stands there; of files that were made before
+heads were kept it says when they were committed.
+"""
 
 import argparse
+import ast
+import datetime
+import os
+import re
+import shlex
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-FOLDER = Path(__file__).parent / "results"
+HERE = Path(__file__).parent
+FOLDER = HERE / "results"
+QUICK_FOLDER = Path(tempfile.gettempdir()) / "glazejax-benchmarks"
 
 
-def add_option(parser: argparse.ArgumentParser) -> None:
-    """`--out FOLDER`, by default the repository's benchmarks/results."""
+def add_option(parser: argparse.ArgumentParser, **quick: Any) -> None:
+    """`--out FOLDER`, by default the repository's benchmarks/results, and `--quick`.
+
+    Args:
+        parser: gets both.
+        quick: what other options are with `--quick`, unless they are given: `stacks=50`.
+    """
     parser.add_argument("--out", type=Path, default=FOLDER, help="folder for the results (default: %(default)s)")
+    parser.add_argument(
+        "--quick",
+        action=_Quick,
+        small=quick,
+        help=f"try it at small size: another folder ({QUICK_FOLDER}), and numbers that are worth nothing",
+    )
+
+
+class _Quick(argparse.Action):
+    """Small settings and another folder, where the user has not said otherwise."""
+
+    def __init__(self, option_strings: Sequence[str], dest: str, small: dict[str, Any], help: str):
+        super().__init__(option_strings, dest, nargs=0, default=False, help=help)
+        self._small = small
+
+    def __call__(self, parser, namespace, values, option_string=None) -> None:
+        setattr(namespace, self.dest, True)
+        for name, value in {"out": QUICK_FOLDER, **self._small}.items():
+            if getattr(namespace, name, None) == parser.get_default(name):
+                setattr(namespace, name, value)
 
 
 class Results:
-    """Prints what a benchmark says and keeps it; `save` writes it to the folder.
+    """Prints what a benchmark says and keeps it; `save` writes it to the folder, with the head.
 
-    results = Results("frontier", options.out)
+    results = Results("tubes", options.out, "emcee")
     results("a line")
     results.save(figure)
     """
 
-    def __init__(self, name: str, folder: Path = FOLDER):
-        self._stem = Path(folder) / name
+    def __init__(self, name: str, folder: Path = FOLDER, *packages: str):
+        """Name of the file, folder, and packages whose versions the head tells beside Python's and jax's.
+
+        Raises:
+            SystemExit: small numbers would take the place of the committed ones.
+        """
+        if "--quick" in sys.argv and Path(folder).resolve() == FOLDER.resolve():
+            raise SystemExit(f"--quick does not write to {FOLDER}, whose results are of full size; give another --out")
+        self._name, self._stem, self._packages = name, Path(folder) / name, packages
         self._lines: list[str] = []
 
     def __call__(self, line: str = "") -> None:
         """Print a line, at once, and keep it."""
+        # The head comes with the first line: by then the benchmark has told JAX which device to take.
+        if not self._lines:
+            self._lines = new_head(self._name, self._packages)
+            print("\n".join(self._lines), flush=True)
         print(line, flush=True)
         self._lines.append(line.rstrip())
 
@@ -43,3 +102,89 @@ class Results:
             figure.savefig(picture, dpi=160, bbox_inches="tight")
             written.append(picture.name)
         print(f"written to {self._stem.parent}: {', '.join(written)}")
+
+
+@dataclass(frozen=True)
+class Head:
+    """What a result file says of itself.
+
+    date: when it was made, or committed if that is all that is known, as 2026-11-23.
+    made: the date is that of the run.
+    command: that made it; of older files without its options, which were not kept.
+    revision: of the benchmark that made it.
+    machine: machine and versions in one line; empty where they were not kept.
+    """
+
+    date: str
+    made: bool
+    command: str
+    revision: int
+    machine: str
+
+
+_MADE = re.compile(r"made (\d{4}-\d\d-\d\d) by (.+); glazejax (\S+), revision (\d+)")
+_COMMITTED = re.compile(r"committed (\d{4}-\d\d-\d\d), made before dates were kept, by (.+); revision (\d+)")
+_MACHINE = re.compile(r"\w+, [^;,]+, \d+ cores?\b[^;]*; Python [^;]*")
+
+
+def new_head(name: str, packages: Sequence[str] = ()) -> list[str]:
+    """Head of the result NAME, made now by this process."""
+    from benchmarks.timing import environment
+
+    module = module_of(name)
+    by = f"glazejax {version('glazejax')}, revision {declared(module, 'REVISION', 0)}"
+    return [f"made {datetime.date.today()} by {_command(module)}; {by}", environment(*packages), ""]
+
+
+def _command(module: Path) -> str:
+    """The command of this process, but for where results go; of paths of this machine only the name."""
+    words, given = ["python", "-m", f"benchmarks.{module.stem}"], iter(sys.argv[1:])
+    for word in given:
+        if word == "--out":
+            next(given, None)
+        elif not word.startswith("--out="):
+            words.append(Path(word).name if os.sep in word else word)
+    return shlex.join(words)
+
+
+def head(name: str, folder: Path = FOLDER) -> Head:
+    """Head of a result file.
+
+    Raises:
+        ValueError: there is no such file, or it has none.
+    """
+    path = Path(folder) / f"{name}.txt"
+    if not path.is_file():
+        raise ValueError(f"there is no result {name}.txt in {folder}")
+    lines = path.read_text().splitlines()
+    machine = next((found[0] for line in lines[1:7] if (found := _MACHINE.search(line))), "")
+    if made := _MADE.fullmatch(lines[0]):
+        return Head(made[1], True, made[2], int(made[4]), machine)
+    if committed := _COMMITTED.fullmatch(lines[0]):
+        return Head(committed[1], False, committed[2], int(committed[3]), machine)
+    raise ValueError(f"{path.name} has no head: run `python -m benchmarks.{module_of(name).stem}` again")
+
+
+def modules() -> list[Path]:
+    """Benchmarks: the modules of this folder that write results."""
+    return [path for path in sorted(HERE.glob("*.py")) if "Results(" in path.read_text() and path != Path(__file__)]
+
+
+def module_of(name: str) -> Path:
+    """The benchmark that makes a result: that of its name, or of how its name begins (`scaling` makes `scaling_gpu`).
+
+    Raises:
+        ValueError: there is none.
+    """
+    fitting = [path for path in modules() if f"{name}_".startswith(f"{path.stem}_")]
+    if not fitting:
+        raise ValueError(f"no module of benchmarks makes the result {name!r}")
+    return max(fitting, key=lambda path: len(path.stem))
+
+
+def declared(module: Path, name: str, default: Any = None) -> Any:
+    """What a module says at its top, `REVISION = 2`, without importing it: it may need what is not installed."""
+    for node in ast.parse(module.read_text()).body:
+        if isinstance(node, ast.Assign) and any(isinstance(t, ast.Name) and t.id == name for t in node.targets):
+            return ast.literal_eval(node.value)
+    return default

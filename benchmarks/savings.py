@@ -25,7 +25,9 @@ import numpy as np
 from benchmarks import device
 from benchmarks.results import Results, add_option
 from benchmarks.strokes import brush_strokes, primed_canvas
-from benchmarks.timing import environment, interleaved
+from benchmarks.timing import interleaved
+
+REVISION = 1
 
 PAINTS = ("UltramarineBlue", "ChromeYellow")
 GROUND = 0.85
@@ -172,7 +174,6 @@ def main() -> None:
         print(json.dumps(measure_picture()))
         return
     say = Results(device.file_name("savings", options.device), options.out)
-    say(environment())
     say(device.words(chosen))
     savings_table(say)
     picture_report(say, options)

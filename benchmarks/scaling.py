@@ -13,7 +13,6 @@ it; what it holds in its own memory is not counted. Writes a table and a log-log
 
 import argparse
 import json
-import os
 import resource
 import subprocess
 import sys
@@ -28,7 +27,9 @@ import numpy as np
 from benchmarks import device
 from benchmarks.peers import Work, cdisort, installed, two_layers
 from benchmarks.results import Results, add_option
-from benchmarks.timing import environment, interleaved
+from benchmarks.timing import interleaved
+
+REVISION = 1
 
 RELATIVE_ERROR = 1e-4
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)
@@ -236,8 +237,7 @@ def main() -> None:
         return
     platforms = ["cpu"] + ["gpu"] * (options.device == "gpu")
     chosen = device.start(options.device)
-    say = Results(device.file_name("scaling", options.device), options.out)
-    say(f"{os.cpu_count()} cores; {environment(*(['nanodisort'] if installed('nanodisort') else []))}")
+    say = Results(device.file_name("scaling", options.device), options.out, "nanodisort")
     if options.device == "gpu":
         say(f"{device.words(chosen)}; stacks go there and back in each call, 40 bytes in and 8 out each")
     results: dict[str, dict[str, list[dict[str, Any]]]] = {}

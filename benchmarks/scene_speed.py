@@ -17,13 +17,14 @@ import numpy as np
 import glazejax as gj
 from benchmarks.results import Results, add_option
 from benchmarks.strokes import brush_strokes
-from benchmarks.timing import environment
 from glazejax.appearance.scene.lights import ParallelLight, PointLight, lamp
 from glazejax.appearance.scene.materials import Glazed, Lambert
 from glazejax.appearance.scene.picture import light_white, picture_xyz, save_png, screen_picture
 from glazejax.appearance.scene.render import render
 from glazejax.appearance.scene.scene import Camera, Scene
 from glazejax.appearance.scene.shapes import Box, Plane, Sphere
+
+REVISION = 1
 
 WAVELENGTHS = np.arange(400.0, 701.0, 10.0)
 
@@ -65,7 +66,6 @@ def main() -> None:
 
     jax.config.update("jax_enable_x64", True)
     results = Results("scene_speed", options.out)
-    results(environment())
     made = scene()
     results("640 x 480 pixels, 31 bands, three glazed things, two lights, 4 x 4 rays where there is an edge")
     rendered = None

@@ -25,7 +25,9 @@ from urllib.parse import quote
 import numpy as np
 
 from benchmarks.results import Results, add_option
-from benchmarks.timing import environment
+
+REVISION = 1
+NEEDS = ("selenium", "program/chromium")
 
 COATS = ("CobaltBlue", "ZincWhite", "Vermillion", "ChromeYellow", "Eosin", "ViridianGreen", "LeadWhite", "Minium")
 EVENTS = 100
@@ -153,7 +155,6 @@ def main() -> None:
     add_option(parser)
     options = parser.parse_args()
     out = Results("studio", options.out)
-    out(f"{environment()}; load of the machine at the start {os.getloadavg()[0]:.1f}")
     browser = start_browser()
     try:
         with tempfile.TemporaryDirectory() as cache:

@@ -6,7 +6,7 @@ import platform
 import statistics
 import time
 from collections.abc import Callable
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import jax
@@ -76,8 +76,15 @@ def processor() -> str:
 
 
 def environment(*packages: str) -> str:
-    """One line: machine, Python and package versions."""
-    installed = ", ".join(f"{name} {version(name)}" for name in ("jax", *packages))
+    """One line: machine, load of the minute before, Python and the versions of those packages that are installed."""
+    versions = [f"{name} {version(name)}" for name in ("jax", *packages) if _installed(name)]
     devices = ", ".join(sorted({device.device_kind for device in jax.local_devices() if device.platform != "cpu"}))
-    machine = f"{platform.machine()}, {processor()}, {os.cpu_count()} cores" + (f", {devices}" if devices else "")
-    return f"{machine}; Python {platform.python_version()}, {installed}"
+    machine = f"{platform.machine()}, {processor()}, {os.cpu_count()} cores, load {os.getloadavg()[0]:.1f}"
+    return f"{machine}{f', {devices}' if devices else ''}; Python {platform.python_version()}, {', '.join(versions)}"
+
+
+def _installed(package: str) -> bool:
+    try:
+        return bool(version(package))
+    except PackageNotFoundError:
+        return False

@@ -19,7 +19,6 @@ from scipy.optimize import minimize
 from benchmarks.identification import UNIT, family
 from benchmarks.measured import measured_data
 from benchmarks.results import Results, add_option
-from benchmarks.timing import environment
 from benchmarks.truth_peers import PEERS
 from glazefit import Discrepancy, Films, Identification, ground_from_air, identify, identify_films
 from glazefit.film.readers import read_films, read_names
@@ -27,6 +26,9 @@ from glazefit.recover.crossvalidation import without
 from glazefit.recover.joint import recover_jointly
 from glazejax import Bidirectional, Pigment
 from glazejax.commands.main import start_jax
+
+REVISION = 1
+NEEDS = ("data/revigo",)
 
 COLOURLESS = ("ZincWhite", "LeadWhite", "BoneBlack", "BariumSulphate", "CalciumCarbonate")
 BINS = (0.0, 0.3, 0.5, 0.7, 0.9, 1.0001)
@@ -300,8 +302,6 @@ def main() -> None:
     options = parser.parse_args()
     start_jax()
     results = Results("truth", options.out)
-    results(environment())
-    results()
     folder = measured_data("revigo")
     films, recipes = read_films(folder / "reflectance.tsv"), read_names(folder / "mixtures.tsv")
     left = cases(films, recipes)

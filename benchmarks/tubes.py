@@ -24,7 +24,6 @@ import numpy as np
 
 from benchmarks.measured import measured_data
 from benchmarks.results import Results, add_option
-from benchmarks.timing import environment
 from glazefit import Films, Instrument, Noise, recover_films, simulate_films
 from glazefit.film.films import usual_cards
 from glazefit.film.loose import named_recipes
@@ -39,6 +38,9 @@ from glazefit.recover.prediction import predict_films
 from glazejax import Pigment, catalogue
 from glazejax.commands.main import start_jax
 from glazejax.spectra import describe_grid
+
+REVISION = 1
+NEEDS = ("data/revigo",)
 
 NOISE = Noise(0.002, 0.0)
 LEVEL = 1.645
@@ -274,7 +276,6 @@ def main() -> None:
     start_jax()
     results = Results("tubes", options.out)
     results("Own tubes: a masstone and a tint with a known white")
-    results(environment())
     simulated(results, options.paints)
     real(results)
     film_by_film(results)
