@@ -255,6 +255,9 @@ def main() -> None:
     add_option(parser)
     parser.add_argument("--table", type=Path, default=TABLE, help="file of the catalogue (default: %(default)s)")
     options = parser.parse_args()
+    if options.quick and options.table == TABLE:
+        options.table = options.out / TABLE.name
+        options.out.mkdir(parents=True, exist_ok=True)
     path = measured_data("golden") / "kubelka_munk.tsv"
     start_jax()
     results = Results("acrylics", options.out)

@@ -38,7 +38,7 @@ def stacks(count: int) -> tuple[np.ndarray, ...]:
 def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     parser.add_argument("--stacks", type=int, default=24, help="how many (default: %(default)s)")
-    add_option(parser)
+    add_option(parser, stacks=4)
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     *given, incidence, viewing = stacks(options.stacks)

@@ -117,8 +117,10 @@ def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     add_options(parser)
-    add_option(parser)
+    add_option(parser, repetitions=3, budget=0.1)
     options = parser.parse_args()
+    if options.quick:
+        globals().update(OWN=OWN[:2], FIXED=FIXED[:1], GRADIENT=GRADIENT[:1])
     jax.config.update("jax_enable_x64", True)
     say = Results("auxiliary_products", options.out)
     say("Paper A: H, U and M of all wavelengths and glazes in one program, double precision")

@@ -56,7 +56,7 @@ def main() -> None:
     parser.add_argument("--tolerances", type=float, nargs="*", help="of all rows if not given")
     parser.add_argument("--thickest", type=float, nargs="*", default=THICKEST)
     parser.add_argument("--indices", type=float, nargs="*", default=INDICES)
-    add_option(parser)
+    add_option(parser, stacks=50, tolerances=[1e-4], thickest=[2.0], indices=[1.0, 1.5])
     given = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     say = Results("calibrate_auxiliary", given.out)

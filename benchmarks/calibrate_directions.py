@@ -87,8 +87,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--stacks", type=int, default=1000, help="a multiple of 50")
     parser.add_argument("--arrays", action="store_true", help="also directions for a traced index")
-    add_option(parser)
+    add_option(parser, stacks=50)
     options = parser.parse_args()
+    if options.quick:
+        globals().update(INDICES=(1.0, 1.5), TOLERANCES=(1e-2, 1e-4))
     jax.config.update("jax_enable_x64", True)
     say = Results("calibrate_directions", options.out)
     stacks = random_stacks(options.stacks)

@@ -156,7 +156,7 @@ def commit(checkout: Path) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    add_option(parser)
+    add_option(parser, repetitions=1, only=["import jax", "import glazejax", "render"], save=True)
     parser.add_argument("--only", nargs="+", help="commands of these names, whose file is not written")
     parser.add_argument("--save", action="store_true", help="write the file all the same")
     parser.add_argument("--repetitions", type=int, default=3, help="runs with a full cache (default: %(default)s)")

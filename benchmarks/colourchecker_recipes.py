@@ -28,10 +28,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     add_option(parser)
     options = parser.parse_args()
+    if options.quick:
+        globals().update(LIMITS=((1, 1), (3, 2)))
     start_jax()
     results = Results("colourchecker_recipes", options.out, "colour-science", "optimistix")
     catalogue = gj.catalogue.load()
-    targets = colourchecker_targets()
+    targets = colourchecker_targets()[: 4 if options.quick else None]
     results(
         f"{len(catalogue)} paints of the catalogue, 24 patches of colour-science's 'BabelColor Average' chart, D65, 2°"
     )

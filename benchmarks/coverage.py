@@ -212,8 +212,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--films", type=int, default=500)
     parser.add_argument("--seed", type=int, default=0)
-    add_option(parser)
+    add_option(parser, films=8)
     options = parser.parse_args()
+    if options.quick:
+        globals().update(STEPS=200, BAND_STEPS=200)
     jax.config.update("jax_enable_x64", True)
     say = Results("coverage", options.out, "emcee")
     say(f"Coverage of 90 % intervals on {options.films} simulated films of each kind (seed {options.seed})")

@@ -53,7 +53,7 @@ class Row(NamedTuple):
     gpu_seconds: float | None
 
 
-def measure(curves: Iterable[Curve], truth: dict[float, np.ndarray], say: Results) -> list[Row]:
+def measure(curves: Iterable[Curve], truth: dict[float, np.ndarray], say: Results, repetitions: int = 40) -> list[Row]:
     """Errors of every curve's settings, then the times of all of them in turn."""
     found: list[tuple[Curve, Any, float]] = []
     programs: dict[str, Callable[[], Any]] = {}
@@ -72,7 +72,7 @@ def measure(curves: Iterable[Curve], truth: dict[float, np.ndarray], say: Result
             found.append((curve, setting, float(np.max(np.abs(value / truth[curve.refractive_index] - 1)))))
     if without_blas_threads() is None:
         say("threadpoolctl is not installed: BLAS keeps its threads, which slows the peers down")
-    seconds = interleaved(programs, 40, budget=0.2, rewarm=True)
+    seconds = interleaved(programs, repetitions, budget=0.2, rewarm=True)
     return [Row(*point, seconds[str(i)], seconds.get(f"{i} gpu")) for i, point in enumerate(found)]
 
 
@@ -210,7 +210,9 @@ def main() -> None:
         say(f"Others are using this machine (load {load:.1f}): times of a millisecond and more come out too long.")
     truth = {index: ours.converged(work, index) for index in ours.CONVERGED}
     curves = our_curves(work) + paper_curves(work) + peers
-    rows = measure(curves, truth, say)
+    if options.quick:
+        curves = [curve._replace(settings=curve.settings[::4]) for curve in curves]
+    rows = measure(curves, truth, say, repetitions=3 if options.quick else 40)
     say()
     confirm(rows, peers, work, say)
     say()

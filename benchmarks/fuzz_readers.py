@@ -150,7 +150,7 @@ def main() -> None:
     parser.add_argument("--seconds", type=float, default=float("inf"), help="stop after so many")
     parser.add_argument("--only", default="", help="kinds whose name holds these words")
     parser.add_argument("--case", type=int, help="this case alone; its file is written to ./fuzz.CASE")
-    add_option(parser)
+    add_option(parser, cases=220)
     options = parser.parse_args()
     from tests.io.hostile import subjects
 

@@ -169,7 +169,12 @@ def main() -> None:
     results = Results(device.file_name("identification", options.device), options.out)
     results(device.words(chosen))
     results()
-    for part in (speed, profile, kimera, rrt, hyppigments, hyppigments_across_cards):
+    if options.quick:
+        speed(results, 60, 20, 20)
+        results()
+    for part in (
+        (kimera, rrt) if options.quick else (speed, profile, kimera, rrt, hyppigments, hyppigments_across_cards)
+    ):
         part(results)
         results()
     results.save()

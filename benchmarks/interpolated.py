@@ -83,9 +83,11 @@ def errors(table, names: tuple[str, ...], direct: Callable) -> tuple[float, floa
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    add_option(parser)
+    add_option(parser, pixels=2**14)
     parser.add_argument("--pixels", type=int, default=2**21, help="pixels of a timed run (default: %(default)s)")
     options = parser.parse_args()
+    if options.quick:
+        globals().update(TOLERANCES=TOLERANCES[:1], CHECKS=256, DIRECT=256, ROUNDS=2)
     jax.config.update("jax_enable_x64", True)
     say = Results("interpolated", options.out)
     say(f"{options.pixels} pixels to XYZ and sRGB, the solver itself {DIRECT} pixels")

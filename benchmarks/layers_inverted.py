@@ -220,8 +220,10 @@ def main() -> None:
     parser.add_argument("--stacks", type=int, default=40, help="of known paints")
     parser.add_argument("--unknown", type=int, default=8, help="of an unknown paint, of each of three kinds")
     parser.add_argument("--seed", type=int, default=0)
-    add_option(parser)
+    add_option(parser, stacks=2, unknown=1)
     options = parser.parse_args()
+    if options.quick:
+        globals().update(STEPS=200, UNKNOWN_STEPS=200)
     jax.config.update("jax_enable_x64", True)
     say = Results("layers_inverted", options.out, "emcee")
     say(f"Stacks of coats found again: how often 90 % intervals hold the truth (seed {options.seed})")

@@ -32,6 +32,8 @@ CELL = int(np.argmin(np.abs(COSINES - np.cos(np.deg2rad(INCIDENCE)))))
 """The cell of the light that errors are taken at: the paths' light comes from its middle too."""
 WANTED = 1e-3
 FLAT = (16, 24, 32, 34, 36, 48, 64)
+# Timed runs: of the lobe, of the matrices, of glazejax's own.
+ROUNDS = (9, 30, 200)
 
 
 def lobe_by_paths(cosine: float, paths: int, seed: int = 0) -> np.ndarray:
@@ -110,7 +112,7 @@ def speed(say: Results) -> None:
         "303, many": functools.partial(lobe_by_fluxes, every, AZIMUTH, **many),
         "cells": all_cells,
     }
-    seconds = interleaved(programs, 9, budget=10.0)
+    seconds = interleaved(programs, ROUNDS[0], budget=10.0)
     one = seconds["paths"]
     say(f"\npaths: {one:.3f} s a direction of incidence (paper: 131 s); all programs warm, medians")
     for name, words in (("13", "13 incidences, by symmetry"), ("303", "303 incidences, each for itself")):
@@ -172,7 +174,7 @@ def series(say: Results) -> None:
     for order in orders:
         programs[f"full {order}"] = functools.partial(as_full, order)
         programs[f"diagonal {order}"] = functools.partial(as_diagonal, order)
-    seconds = interleaved(programs, 30, budget=5.0)
+    seconds = interleaved(programs, ROUNDS[1], budget=5.0)
     exact = as_full(None)
     wanted = np.concatenate([part.ravel() for part in exact])
     say(
@@ -210,7 +212,7 @@ def modes_series(say: Results) -> None:
     for order in range(4):
         one = jax.jit(functools.partial(lambda a, b, order: join_in_series(a, b, order, roots)[0], order=order))
         programs[f"order {order}"] = functools.partial(one, upper, lower)
-    seconds = interleaved(programs, 200, budget=2.0)
+    seconds = interleaved(programs, ROUNDS[2], budget=2.0)
     times = ", ".join(f"{name} {value / seconds['inverse']:.0%}" for name, value in seconds.items())
     say(f"glazejax, mode 0, {roots.size} directions: {times} of {1e6 * seconds['inverse']:.0f} us")
 
@@ -235,6 +237,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add_option(parser)
     options = parser.parse_args()
+    if options.quick:
+        globals().update(PATHS=20_000, FLAT=(16, 34), ROUNDS=(3, 3, 20))
     jax.config.update("jax_enable_x64", True)
     say = Results("many_flux_claims", options.out)
     speed(say)

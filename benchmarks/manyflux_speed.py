@@ -130,6 +130,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add_option(parser)
     options = parser.parse_args()
+    if options.quick:
+        globals().update(TOLERANCES=TOLERANCES[:2], STREAMS=STREAMS[:2], FINE=1e-4)
     jax.config.update("jax_enable_x64", True)
     warnings.simplefilter("ignore")
     out = Results("manyflux_speed", options.out, "PythonicDISORT")

@@ -125,7 +125,7 @@ def on_objects(case: Case) -> np.ndarray:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    add_option(parser)
+    add_option(parser, samples=16)
     parser.add_argument("--samples", type=int, default=4096, help="rays of a pixel in Mitsuba (default: %(default)s)")
     options = parser.parse_args()
     import jax

@@ -111,7 +111,7 @@ def goals(say: Results, small: bool) -> None:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    add_option(parser)
+    add_option(parser, small=True)
     device.add_option(parser)
     parser.set_defaults(device="gpu")
     parser.add_argument("--small", action="store_true", help="a hundredth of each size, and the goals only")

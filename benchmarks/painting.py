@@ -32,7 +32,7 @@ _SEED, _OTHER = 3, 4
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    add_option(parser)
+    add_option(parser, megapixels=[0.01], bands=40, checked=50, no_dask=True)
     parser.add_argument("--megapixels", type=float, nargs="+", default=[0.1, 1.0, 10.0])
     parser.add_argument("--bands", type=int, default=200)
     parser.add_argument("--folder", type=Path, default=None, help="for the cubes (default: a temporary one)")

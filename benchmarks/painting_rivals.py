@@ -519,7 +519,7 @@ def only(truth: Truth, answer: Answer, rows: np.ndarray) -> tuple[Truth, Answer]
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    add_option(parser)
+    add_option(parser, pixels=100, bands=40)
     parser.add_argument("--pixels", type=int, default=2000)
     parser.add_argument("--bands", type=int, default=200)
     options = parser.parse_args()

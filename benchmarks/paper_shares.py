@@ -137,8 +137,10 @@ def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=(__doc__ or "").partition("\n")[0])
     add_options(parser)
-    add_option(parser)
+    add_option(parser, repetitions=3, budget=0.1)
     options = parser.parse_args()
+    if options.quick:
+        globals().update(GLAZES=(1,), CHOSEN=CHOSEN[1:])
     jax.config.update("jax_enable_x64", True)
     say = Results("paper_shares", options.out)
     say("Paper A, tables 2 and 3: where the time goes, before and after the step is fixed")

@@ -29,6 +29,7 @@ REVISION = 1
 
 PARTS = ("modes", "assemble", "inverse", "eliminate")
 REPETITIONS = 100
+COPIES = (1, 100)
 INDEX = 1.5
 
 
@@ -93,6 +94,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add_option(parser)
     options = parser.parse_args()
+    if options.quick:
+        globals().update(REPETITIONS=5, COPIES=(1,))
     jax.config.update("jax_enable_x64", True)
     say = Results("profile_solver", options.out)
     rate = reachable_rate()
@@ -104,7 +107,7 @@ def main() -> None:
     header = f"{'wavelengths':>11} {'tolerance':>9} {'directions':>10} {'call us':>8} {'kernels':>8} {'us each':>8}"
     say(f"{header} {'algebra at full rate':>20}   share of kernel time")
     work = two_layers()
-    for copies in (1, 100):
+    for copies in COPIES:
         albedo, thickness = (jnp.asarray(np.tile(a, (copies, 1))) for a in (work.albedo, work.optical_thickness))
         ground = jnp.full(albedo.shape[0], work.ground)
         for tolerance in (1e-3, 1e-7):

@@ -24,7 +24,7 @@ def main() -> None:
     options = parser.parse_args()
     start_jax()
     results = Results("recipe_coats", options.out)
-    found = find_recipes(colourchecker_targets(), glazes=True)
+    found = find_recipes(colourchecker_targets()[: 3 if options.quick else None], glazes=True)
     unmixed = [min(recipes, key=lambda one: one.distance) for recipes in found]
     mixed = [recipes[0].mixed for recipes in found if recipes[0].mixed is not None]
     results(f"{len(gj.catalogue.load())} paints of the catalogue, 24 patches, D65, 2°; nearest of five recipes each")

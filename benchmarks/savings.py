@@ -138,6 +138,7 @@ def picture_report(say: Results, options: argparse.Namespace) -> None:
     from glazejax import colour
 
     command = [sys.executable, "-m", "benchmarks.savings", "--measure-picture", "--device", options.device]
+    command += ["--quick"] * options.quick
     figures = json.loads(subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()[-1])
     paints = [gj.catalogue.load()[name] for name in PAINTS]
     thickness = maps(PICTURE_SIZE)
@@ -168,6 +169,8 @@ def main() -> None:
     device.add_option(parser)
     parser.add_argument("--measure-picture", action="store_true", help=argparse.SUPPRESS)
     options = parser.parse_args()
+    if options.quick:
+        globals().update(PICTURE_SIZE=64, CHECKED_PIXELS=100, REPETITIONS=2)
     jax.config.update("jax_enable_x64", True)
     chosen = device.start(options.device)
     if options.measure_picture:

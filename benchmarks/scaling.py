@@ -154,9 +154,10 @@ def measure(name: str, platform: str) -> None:
             print(json.dumps({"size": size, "peak": peak, "seconds": seconds}), flush=True)
 
 
-def measured(name: str, platform: str) -> list[dict[str, Any]]:
+def measured(name: str, platform: str, quick: bool) -> list[dict[str, Any]]:
     """The lines of `measure` from a fresh process."""
     command = [sys.executable, "-m", "benchmarks.scaling", "--measure", name, "--platform", platform]
+    command += ["--quick"] * quick
     done = subprocess.run(command, capture_output=True, text=True)
     if done.returncode:
         raise RuntimeError(f"the series {name} on {platform} failed:\n{done.stderr[-3000:]}")
@@ -231,6 +232,10 @@ def main() -> None:
     parser.add_argument("--measure", help=argparse.SUPPRESS)
     parser.add_argument("--platform", default="cpu", help=argparse.SUPPRESS)
     options = parser.parse_args()
+    if options.quick:
+        globals().update(
+            PATIENCE=0.1, SERIES=tuple(s._replace(sizes=s.sizes[:4], fitted=s.sizes[1:4:2]) for s in SERIES)
+        )
     jax.config.update("jax_enable_x64", True)
     if options.measure:
         measure(options.measure, options.platform)
@@ -242,7 +247,7 @@ def main() -> None:
         say(f"{device.words(chosen)}; stacks go there and back in each call, 40 bytes in and 8 out each")
     results: dict[str, dict[str, list[dict[str, Any]]]] = {}
     for series in SERIES:
-        results[series.name] = {platform: measured(series.name, platform) for platform in platforms}
+        results[series.name] = {platform: measured(series.name, platform, options.quick) for platform in platforms}
         table(say, series, results[series.name])
     say.save(draw(results))
 

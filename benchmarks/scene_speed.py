@@ -66,8 +66,9 @@ def main() -> None:
 
     jax.config.update("jax_enable_x64", True)
     results = Results("scene_speed", options.out)
-    made = scene()
-    results("640 x 480 pixels, 31 bands, three glazed things, two lights, 4 x 4 rays where there is an edge")
+    made = scene(160, 120) if options.quick else scene()
+    size = f"{made.width} x {made.height} pixels"
+    results(f"{size}, 31 bands, three glazed things, two lights, 4 x 4 rays where there is an edge")
     rendered = None
     for words in ("first, with compilation", "again"):
         start = time.perf_counter()

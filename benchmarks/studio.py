@@ -154,6 +154,8 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add_option(parser)
     options = parser.parse_args()
+    if options.quick:
+        globals().update(EVENTS=10)
     out = Results("studio", options.out)
     browser = start_browser()
     try:

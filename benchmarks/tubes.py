@@ -44,6 +44,8 @@ NEEDS = ("data/revigo",)
 
 NOISE = Noise(0.002, 0.0)
 LEVEL = 1.645
+# Simulations of each paint, and measured paints at most.
+SEEDS, MEASURED = 3, 100
 WHITE, BLACK = "ZincWhite", "BoneBlack"
 
 
@@ -55,7 +57,9 @@ def film_by_film(say: Results) -> None:
     truth = np.stack([np.stack([p.absorption, p.scattering], axis=-1) for p in paints]) * UNIT
     for words in ("d:8", "45:0"):
         instrument = Instrument.parse(words)
-        measured = [simulate_paints(paints, UNIT, instrument=instrument, noise=NOISE, seed=seed) for seed in range(3)]
+        measured = [
+            simulate_paints(paints, UNIT, instrument=instrument, noise=NOISE, seed=seed) for seed in range(SEEDS)
+        ]
         for title, noise in (("told nothing", None), ("told .0005 + .002 R", Noise()), ("told .002", NOISE)):
             held = []
             for films in measured:
@@ -170,7 +174,7 @@ def real(say: Results) -> None:
     folder = measured_data("revigo")
     films, recipes = read_films(folder / "reflectance.tsv"), read_names(folder / "mixtures.tsv")
     whole = recover_jointly(films, recipes)
-    tubes = paints_with_a_tint(films, recipes)
+    tubes = dict(list(paints_with_a_tint(films, recipes).items())[:MEASURED])
     others = {name for rows in tubes.values() for name in rows[2:]}
     full = leave_films_out(whole, films, recipes, only=lambda name: name in others, progress=shown)
     full_off = dict(zip(full.names, full.predicted.mean(axis=1), strict=True))
@@ -270,9 +274,11 @@ def written(films: Films) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    add_option(parser)
+    add_option(parser, paints=3)
     parser.add_argument("--paints", type=int, default=100, help="simulated tubes, at most")
     options = parser.parse_args()
+    if options.quick:
+        globals().update(SEEDS=1, MEASURED=2)
     start_jax()
     results = Results("tubes", options.out)
     results("Own tubes: a masstone and a tint with a known white")
