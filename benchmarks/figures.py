@@ -29,10 +29,12 @@ class Figure:
 
     read: from the text of its result file, the number.
     style: of `format`, such as `.2f`; `2s` is two significant digits of a whole number: 546.4 is 550.
+    unit: that follows it, such as `%` or `times`; empty if it has none.
     """
 
     read: Reader
     style: str
+    unit: str = ""
 
     def said(self, number: float) -> str:
         """The number as text. A half goes up, as people round: 3.55 is 3.6."""
@@ -160,7 +162,7 @@ _LISTED: dict[str, Figure] = {}
 
 
 def add(result: str, style: str, **readers: Reader) -> None:
-    """Put figures of one result, said in one style, on the list.
+    """Put figures of one result, said in one style, on the list; `.1f s` are seconds.
 
     Raises:
         ValueError: a name is taken.
@@ -169,7 +171,7 @@ def add(result: str, style: str, **readers: Reader) -> None:
         name = f"{result}.{what}"
         if name in _LISTED:
             raise ValueError(f"two figures are called {name}")
-        _LISTED[name] = Figure(read, style)
+        _LISTED[name] = Figure(read, *style.split())
 
 
 @functools.cache
@@ -191,7 +193,7 @@ def main() -> None:
     width = max(map(len, wanted))
     try:
         for name in wanted:
-            print(f"{name:{width}}  {figure(name, options.folder)}")
+            print(f"{name:{width}}  {figure(name, options.folder)} {of(name).unit}".rstrip())
     except ValueError as error:
         raise SystemExit(str(error)) from None
 

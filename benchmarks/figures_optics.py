@@ -30,43 +30,30 @@ for _key, _words in (
     add("frontier", "2s", **{f"{_key}_1e4": _times_ours(_words, "1e-04"), f"{_key}_1e8": _times_ours(_words, "1e-08")})
 add(
     "frontier",
-    ".1f",
+    ".1f times",
     gradient=found(r"value and gradient / value +tol. 1e-06 +(\S+)"),
     gradient_most=found(r"value and gradient / value, largest over tolerances +(\S+)"),
 )
 add(
     "frontier",
-    ".0f",
+    ".0f times",
     conventional=one_over(found(r"glazejax / conventional at dh = .01, .* (\S+) +<= ")),
     conventional_errors=ratio(found(r"errors \S+ (\S+)$"), found(r"errors (\S+), \S+$")),
 )
 
-add(
-    "scaling",
-    ".2f",
-    layers_power=found(r"exponent from 2 to 40: glazejax (\S+),"),
-    layers_40_ms=cell("40", 0),
-    million_seconds_exact=cell("1000000", 0, 1e-3),
-    million_single=cell("1000000", 3, 1e-3),
-)
-add(
-    "scaling",
-    ".1f",
-    million_seconds=cell("1000000", 0, 1e-3),
-    million_gib=cell("1000000", 1, 1 / 1024),
-    million_slopes=cell("1000000", 2, 1e-3),
-)
-add("scaling", ".0f", layers_40_cdisort_ms=cell("40", 2))
-add("profile_solver", ".0f", call_us=cell("41     1e-03", 1), kernels=cell("41     1e-03", 2))
-add("profile_solver", ".1f", kernel_us=cell("41     1e-03", 3))
-add(
-    "savings",
-    ".2f",
-    picture_seconds=found(r"seconds: (\S+),"),
-    picture_gib=found(r"peak memory of the process: (\S+) GiB"),
-)
-add("savings", ".1f", picture_first=found(r"the first time (\S+) with"))
-add("savings", ".0f", pixel_by_pixel=found(r"pixel by pixel it would take (\S+) s"))
+add("scaling", ".2f", layers_power=found(r"exponent from 2 to 40: glazejax (\S+),"))
+add("scaling", ".2f ms", layers_40=cell("40", 0))
+add("scaling", ".0f ms", layers_40_cdisort=cell("40", 2))
+add("scaling", ".2f s", million_seconds_exact=cell("1000000", 0, 1e-3), million_single=cell("1000000", 3, 1e-3))
+add("scaling", ".1f s", million_seconds=cell("1000000", 0, 1e-3), million_slopes=cell("1000000", 2, 1e-3))
+add("scaling", ".1f GiB", million_memory=cell("1000000", 1, 1 / 1024))
+add("profile_solver", ".0f µs", call=cell("41     1e-03", 1))
+add("profile_solver", ".1f µs", kernel=cell("41     1e-03", 3))
+add("profile_solver", ".0f", kernels=cell("41     1e-03", 2))
+add("savings", ".2f s", picture=found(r"seconds: (\S+),"))
+add("savings", ".1f s", picture_first=found(r"the first time (\S+) with"))
+add("savings", ".2f GiB", picture_memory=found(r"peak memory of the process: (\S+) GiB"))
+add("savings", ".0f s", pixel_by_pixel=found(r"pixel by pixel it would take (\S+) s"))
 add("savings", ".3f", delta_e_most=found(r"Delta E00 from that.* max (\S+)"))
 
 # The first second.
@@ -79,8 +66,11 @@ for _key, _words in (
     ("chart", "recipe --colourchecker"),
 ):
     for _when, _row in ((_key, _words), (f"{_key}_before", f"{_words}, before")):
-        add("cold_start", ".1f", **{f"{_when}_empty": cell(_row, 0), f"{_when}_again": cell(_row, 1)})
+        add("cold_start", ".1f s", **{f"{_when}_empty": cell(_row, 0), f"{_when}_again": cell(_row, 1)})
         add("cold_start", ".0f", **{f"{_when}_programs": cell(_row, 4)})
+
+add("cold_start", ".1f s", **{"import": cell("import glazejax", 0), "import_again": cell("import glazejax", 1)})
+add("cold_start", ".0f", import_programs=cell("import glazejax", 4))
 
 # Paper A.
 _OVER = {
@@ -91,7 +81,7 @@ _OVER = {
 }
 for _key, _row in _OVER.items():
     _pairs = [cell(_row, k) for k in range(6)]
-    _style = ".0f" if _key.startswith("own") else ".1f"
+    _style = ".0f %" if _key.startswith("own") else ".1f %"
     add("paper_tables", _style, **{f"{_key}_least": least(*_pairs), f"{_key}_most": most(*_pairs)})
 add("paper_tables", ".3f", ac_fixed=cell("here: fixed step .01", 2), bc_fixed=cell("here: fixed step .01", 6))
 add("paper_tables", ".3f", ac_coarse=cell("here: coarsened to own step .04", 2))
@@ -100,32 +90,32 @@ add("paper_tables", ".2f", ab_coarse_paper=cell("paper: coarsened to own step .0
 add("paper_tables", ".0f", default_errors=one_over(found(r"error ratio (\S+)")))
 add(
     "paper_tables",
-    ".2f",
+    ".2f %",
     default_time=found(r"time ratio +(\S+)%"),
     default_time_one_by_one=found(r"time ratio .*; (\S+)%"),
 )
 _shares = {k: (cell("0.01", k), cell("0.04", k)) for k in (1, 3, 4)}
 for _k, _key in ((1, "assembly"), (3, "fixed"), (4, "without")):
-    add("paper_shares", ".0f", **{f"{_key}_least": least(*_shares[_k]), f"{_key}_most": most(*_shares[_k])})
+    add("paper_shares", ".0f %", **{f"{_key}_least": least(*_shares[_k]), f"{_key}_most": most(*_shares[_k])})
 add(
     "paper_shares",
-    ".0f",
+    ".0f %",
     hundred=cell("0.01     100           1", 4),
     angles=cell("0.01      10          18", 4),
     paper=found(r"assembly takes at least (\d+)%"),
 )
 for _key, _row in (("q120_401", "Q  120, 401 x  1 stacks"), ("q500", "Q  500,  41 x  1 stacks")):
-    add("auxiliary_products", ".0f", **{f"{_key}_one": cell(_row, 3), f"{_key}_fft": cell(_row, 9)})
+    add("auxiliary_products", ".0f ms", **{f"{_key}_one": cell(_row, 3), f"{_key}_fft": cell(_row, 9)})
 _slopes = {"after": "The same with derivatives"}
 add(
     "auxiliary_products",
-    ".0f",
+    ".0f ms",
     slopes_one=cell("Q  120,  41 x  1 stacks", 3, **_slopes),
     slopes_fft=cell("Q  120,  41 x  1 stacks", 9, **_slopes),
 )
 add(
     "auxiliary_products",
-    ".1f",
+    ".1f MB",
     **{f"q500_mb_{_key}": cell("Q  500,  41 x  1 stacks", k) for k, _key in ((12, "one"), (13, "all"), (14, "fft"))},
 )
 add("auxiliary_products", ".0e", apart=cell("Q  120,  41 x  1 stacks", 13, **_slopes))
@@ -134,7 +124,7 @@ for _key, _words in (("printed", "fixed step, as printed"), ("corrected", "fixed
 for _k, _key in ((0, "rms"), (1, "largest")):
     add(
         "auxiliary_order",
-        "1s",
+        "1s times",
         **{
             f"times_smaller_{_key}": ratio(
                 cell("0.01", _k, after="fixed step, as printed"), cell("0.01", _k, after="fixed step, corrected")
@@ -171,13 +161,13 @@ add(
     ".0f",
     draws=found(r"times 0.96 to 1.04, (\d+) draws"),
     ac_nearer=cell("fixed step nearer, of the draws", 3),
-    all_nearer=found(r"fixed step nearer in (\d+)% of all draws"),
 )
+add("paper_rounding", ".0f %", all_nearer=found(r"fixed step nearer in (\d+)% of all draws"))
 add("paper_rounding", ".3f", rounded_apart=cell("fixed step .01 from the default solver with both", 3))
 for _key, _paint in (("b", "vermilion"), ("a", "lead_tin")):
     add(
         "paper_rounding",
-        ".1f",
+        ".1f times",
         **{f"{_paint}_thickness": ratio(found(rf"^ .*\b{_key} ([\d.]+)"), found(rf"here: .*\b{_key} ([\d.]+)"))},
     )
 
@@ -203,22 +193,28 @@ add(
 )
 add(
     "object_colour_figures",
-    ".1f",
+    ".1f %",
     matrix=found(r"largest difference (\S+)% of the largest number"),
     chips_luminance=found(r"two tables, monitor as read.*Y off (\S+)% mean"),
     chips_luminance_most=found(r"two tables, monitor as read.*Y off \S+% mean, (\S+)% at"),
 )
-add("scene_speed", ".1f", first=found(r"first, with compilation: (\S+) s"), again=found(r"again: (\S+) s"))
-add("scene_speed", ".0f", left_out=found(r"left out: (\d+)%"))
+add("scene_speed", ".1f s", first=found(r"first, with compilation: (\S+) s"), again=found(r"again: (\S+) s"))
+add("scene_speed", ".0f %", left_out=found(r"left out: (\d+)%"))
 _scenes = [cell(scene, 0) for scene in ("diffuse", "copper", "glaze")]
-add("mitsuba_compare", ".2f", least=least(*_scenes), most=most(*_scenes))
+add("mitsuba_compare", ".2f %", least=least(*_scenes), most=most(*_scenes))
 
 # Paper C.
 add(
     "manyflux_speed",
-    ".0f",
-    fine=found(r"over glazejax at an error of 4.4e-03: (\S+) times"),
-    coarse=found(r"over glazejax at an error of 2.4e-02: (\S+) times"),
+    ".0f times",
+    fine=found(r"over glazejax at an error of \S+: (\S+) times"),
+    coarse=found(r"over glazejax at an error of \S+: (\S+) times(?!.*\n.*over glazejax)"),
+)
+add(
+    "manyflux_speed",
+    ".1e",
+    fine_error=found(r"over glazejax at an error of (\S+):"),
+    coarse_error=found(r"over glazejax at an error of (\S+): \S+ times(?!.*\n.*over glazejax)"),
 )
 for _key, _words in (
     ("paper", "as the paper counts: paths 303, fluxes by symmetry"),
@@ -228,24 +224,33 @@ for _key, _words in (
 ):
     add("many_flux_claims", "2s", **{_key: cell(_words, 0)})
     add("many_flux_claims", ".0e", **{f"{_key}_scaled": cell(_words, 1)})
+_MORE = [cell(order, 1, after="order   full") for order in "123"]
 add(
     "many_flux_claims",
-    ".0f",
+    ".0f %",
     path_error=found(r"paths: error (\S+)% with"),
     order_0_full=cell("0", 0, after="order   full"),
     order_1_full=cell("1", 0, after="order   full"),
     inverse_diagonal=cell("inverse", 1, after="order   full"),
     order_0_diagonal=cell("0", 1, after="order   full"),
-    order_2_diagonal=cell("2", 1, after="order   full"),
-    order_1_diagonal=cell("1", 1, after="order   full"),
+    order_more_least=least(*_MORE),
+    order_more_most=most(*_MORE),
     series_saves=lambda text: 100 - found(r"inverse 100%, order 0 (\d+)%")(text),
 )
-add("many_flux_claims", ".2f", path_seconds=found(r"paths: (\S+) s a direction"))
-add("many_flux_claims", ".1f", matrix_seconds=found(r"no symmetry at all: (\S+) s"))
-add("many_flux_claims", ".3f", plane_order_0=cell("34 directions on the half circle:", 0))
-add("many_flux_claims", ".4f", plane_order_1=cell("34 directions on the half circle:", 2))
-add("many_flux_figures", ".2f", order_0=found(r"order 0: \(a\) (\S+) %"))
-add("many_flux_figures", ".3f", order_1=found(r"order 1: \(a\) (\S+) %"))
+add("many_flux_claims", ".2f s", path_seconds=found(r"paths: (\S+) s a direction"))
+add("many_flux_claims", ".1f s", matrix_seconds=found(r"no symmetry at all: (\S+) s"))
+_RATIOS = [cell(f"{n} directions on the half circle:", 4) for n in (16, 24, 32, 34, 36, 48, 64)]
+add("many_flux_claims", ".0f", plane_ratio_least=least(*_RATIOS), plane_ratio_most=most(*_RATIOS))
+add("many_flux_claims", ".1f", paper_ratio=found(r"paper: .* ratio (\S+) \("))
+add("many_flux_claims", ".2f %", paper_order_0=found(r"paper: (\S+) and \S+, ratio"))
+add("many_flux_claims", ".3f %", paper_order_1=found(r"paper: \S+ and (\S+), ratio"))
+add("many_flux_claims", ".0f s", paper_path_seconds=found(r"\(paper: (\d+) s\)"))
+add("many_flux_claims", ".1f s", paper_matrix_seconds=found(r"no symmetry at all: \S+ s \(paper: (\S+) s\)"))
+add("many_flux_claims", ".0f", paper_times=found(r"paper: (\S+) and more"))
+add("many_flux_claims", ".3f %", plane_order_0=cell("34 directions on the half circle:", 0))
+add("many_flux_claims", ".4f %", plane_order_1=cell("34 directions on the half circle:", 2))
+add("many_flux_figures", ".2f %", order_0=found(r"order 0: \(a\) (\S+) %"))
+add("many_flux_figures", ".3f %", order_1=found(r"order 1: \(a\) (\S+) %"))
 add("many_flux_figures", ".1f", orders=ratio(found(r"order 0: \(a\) (\S+) %"), found(r"order 1: \(a\) (\S+) %")))
 
 # The studio.
@@ -256,10 +261,10 @@ for _key, _row in (
     ("brush", "touch of the brush to pixels"),
     ("canvas", "all 512 x 512 pixels anew"),
 ):
-    add("studio", ".0f", **{f"{_key}_median": cell(_row, 0), f"{_key}_95": cell(_row, 1)})
+    add("studio", ".0f ms", **{f"{_key}_median": cell(_row, 0), f"{_key}_95": cell(_row, 1)})
 add(
     "studio",
-    ".1f",
+    ".1f s",
     first_start=found(r"first start.*page usable (\S+) s later"),
     second_start=found(r"second start.*page usable (\S+) s later"),
 )

@@ -6,13 +6,8 @@ from collections.abc import Callable
 from benchmarks.figures import Reader, add, below, cell, found, least, most
 
 # Recipes.
-add(
-    "colourchecker_recipes",
-    ".1f",
-    first=found(r"at most: (\S+) s the first"),
-    again=found(r"^(\S+) s again"),
-    magenta=cell("magenta", 0),
-)
+add("colourchecker_recipes", ".1f s", first=found(r"at most: (\S+) s the first"), again=found(r"^(\S+) s again"))
+add("colourchecker_recipes", ".1f", magenta=cell("magenta", 0))
 add("colourchecker_recipes", ".2f", median=cell("3      2", 0, after="at most  "))
 add("colourchecker_recipes", ".0f", within_one=cell("3      2", 2, after="at most  "))
 
@@ -26,21 +21,25 @@ for _key, _row in (
     ("unmixing", "unmixing of -log R (NNLS)"),
     ("kubelka_munk", "Kubelka-Munk, the same paints"),
 ):
-    add("truth", ".0f", **{f"{_key}_films": cell(_row, 0), f"{_key}_mixtures": cell(_row, 2)})
-add("truth", ".0f", bands_false=cell("errors band by band, as before", 7))
+    add("truth", ".0f %", **{f"{_key}_films": cell(_row, 0), f"{_key}_mixtures": cell(_row, 2)})
 add(
     "truth",
     ".0f",
     mixtures=found(rf"{_FIRST} \(\d+; (\d+) of several"),
     films=found(rf"{_FIRST} \((\d+);"),
+    held_of=found(r"INTERVALS of fractions, [^:]*: \d+% of (\d+)"),
+    not_none=lambda text: len(re.findall(r"^ +without: (?!.*nothing in the catalogue)", text, re.MULTILINE)),
+)
+add(
+    "truth",
+    ".0f %",
+    bands_false=cell("errors band by band, as before", 7),
     first_three=cell("glazejax", 4),
     none_false=cell("glazejax", 7),
     none_found=cell("glazejax", 8),
     curve_found=found(r"fitted without the film's family: (\d+)% found"),
     curve_false=found(r"fitted without the film's family: \d+% found, (\d+)% false"),
     held=found(r"INTERVALS of fractions, [^:]*: (\d+)% of"),
-    held_of=found(r"INTERVALS of fractions, [^:]*: \d+% of (\d+)"),
-    not_none=lambda text: len(re.findall(r"^ +without: (?!.*nothing in the catalogue)", text, re.MULTILINE)),
 )
 add("truth", ".3f", fraction_mean=cell("glazejax", 5), fraction_median=cell("glazejax", 6))
 add("truth", ".1f", wrong_delta_e=found(r"off by Delta E00 (\S+) at most"))
@@ -51,35 +50,36 @@ for _key, _row in (
     ("ground", "over white, ground told as .5"),
     ("all_wrong", "45:0, noise .005, varnish, said to be opaque"),
 ):
-    add("truth", ".0f", **{f"met_{_key}": cell(_row, 0)})
+    add("truth", ".0f %", **{f"met_{_key}": cell(_row, 0)})
 
 
-def _bin(n: int, part: int) -> Reader:
+def _bin(n: int, part: int, scale: float = 1.0) -> Reader:
     """Bin `n` of the probabilities: what is stated, the share that is right, and how many."""
 
     def read(text: str) -> float:
         row = next(line for line in below(text, "STATED -> TRUE").splitlines() if line.startswith("glazejax"))
-        return float(re.findall(r"(\S+) -> (\S+) \((\d+)\)", row)[n][part])
+        return float(re.findall(r"(\S+) -> (\S+) \((\d+)\)", row)[n][part]) * scale
 
     return read
 
 
 for _n in range(1, 5):
-    add("truth", ".2f", **{f"stated_{_n}": _bin(_n, 0), f"true_{_n}": _bin(_n, 1)})
+    add("truth", ".2f", **{f"stated_{_n}": _bin(_n, 0)})
     add("truth", ".0f", **{f"count_{_n}": _bin(_n, 2)})
+    add("truth", ".0f %", **{f"true_{_n}": _bin(_n, 1, 100)})
 
 for _key, _row in (("noise", "noise only"), ("errors", "and errors of 5 %")):
     add("identification", ".0f", **{f"{_key}_rate": cell(_row, 1), f"{_key}_thorough_rate": cell(_row, 2)})
-    add("identification", ".1f", **{f"{_key}_same": cell(_row, 3), f"{_key}_off": cell(_row, 4)})
+    add("identification", ".1f %", **{f"{_key}_same": cell(_row, 3), f"{_key}_off": cell(_row, 4)})
 add("identification", ".0f", triples_rate=found(r"Sets of three too.*: (\d+) a second"))
 add(
     "identification",
-    ".1f",
+    ".1f %",
     shades=cell("as measured        offset and strength free", 4, 100),
 )
 add(
     "identification",
-    ".0f",
+    ".0f %",
     shades_angle=cell("as measured        nearest spectral angle", 4, 100),
     cards=cell("offset and strength free", 4, 100, after="across cards"),
     cards_angle=cell("nearest spectral angle", 4, 100, after="across cards"),
@@ -89,16 +89,21 @@ add(
 # Maps.
 for _key, _row in (("small", "99,856"), ("million", "1,000,000"), ("large", "9,998,244")):
     add("painting", ",.0f", **{f"{_key}_pixels": found(rf"^ +({_row}) ")})
-    add("painting", ".1f", **{f"{_key}_seconds": cell(_row, 5)})
+    add("painting", ".1f s", **{f"{_key}_seconds": cell(_row, 5)})
     add("painting", ".0f", **{f"{_key}_rate": cell(_row, 6)})
-    add("painting", ".2f", **{f"{_key}_gib": cell(_row, 7)})
-add("painting", ".0f", seconds=cell("9,998,244", 5), saved=cell("9,998,244", 10))
-add("painting", ".2f", searched=cell("9,998,244", 9))
+    add("painting", ".2f GiB", **{f"{_key}_memory": cell(_row, 7)})
+add("painting", ".0f s", seconds=cell("9,998,244", 5))
+add("painting", ".0f times", saved=cell("9,998,244", 10))
+add("painting", ".2f %", searched=cell("9,998,244", 9))
 add(
     "painting",
-    ".1f",
+    ".1f %",
     same_set=found(r"same first set (\S+)%,"),
     same_none=found(r"same answer to 'none' (\S+)%"),
+)
+add(
+    "painting",
+    ".1f times",
     averaged=lambda text: found(r"and (\S+) ms at every second")(text) / found(r"took (\S+) ms a pixel")(text),
 )
 add(
@@ -118,10 +123,9 @@ for _key, _row in (
     ("map", "map_cube"),
 ):
     _cells = {"right": 0, "main": 5, "false": 8, "found": 9}
-    add("painting", ".1f", **{f"{_key}_{_what}": cell(_row, _column) for _what, _column in _cells.items()})
+    add("painting", ".1f %", **{f"{_key}_{_what}": cell(_row, _column) for _what, _column in _cells.items()})
     add("painting", ".3f", **{f"{_key}_shares": cell(_row, 6)})
-add("painting", ".0f", map_two_coats=cell("map_cube", 2))
-add("painting", ".0f", map_three_coats=cell("map_cube", 3))
+add("painting", ".0f %", map_two_coats=cell("map_cube", 2), map_three_coats=cell("map_cube", 3))
 
 # Catalogue and recovery.
 add("acrylics", ".1f", tints_1=cell("mean", 2), tints_100=cell("mean", 5), black=cell("mean", 6), white=cell("mean", 7))
@@ -151,12 +155,11 @@ add(
 )
 add(
     "prediction",
-    ".0f",
+    ".0f %",
     in_band=cell("readings within the 90 % band", 0),
-    films=found(r"^all +(\d+) films"),
     reading_in_band=found(r"with it .*, (\S+)%;"),
-    reading_off=found(r"; (\d+) of \d+ above 3"),
 )
+add("prediction", ".0f", films=found(r"^all +(\d+) films"), reading_off=found(r"; (\d+) of \d+ above 3"))
 
 # Own tubes.
 _TUBES = [
@@ -168,7 +171,7 @@ _ONE, _OPAQUE = "45:0, over white only, card not measured", "d:8, opaque films"
 _known = [cell(row, k) for row in _TUBES for k in (0, 1)]
 add(
     "tubes",
-    ".0f",
+    ".0f %",
     held_least=least(*_known),
     held_most=most(*_known),
     one_card_k=cell(_ONE, 0),
@@ -191,6 +194,10 @@ add(
     measured_median=cell("median", 0, after="Measured tubes"),
     joint=cell("mean", 3, after="Measured tubes"),
     joint_median=cell("median", 3, after="Measured tubes"),
+)
+add(
+    "tubes",
+    ".2f s",
     entry_seconds=found(r"in a running process: (\S+) s"),
     advice_seconds=found(r"what to measure next: (\S+) s"),
 )
@@ -199,17 +206,16 @@ add(
 _FILM, _BANDS = ("thickness", "gloss", "model error", "fraction"), ("absorption", "scattering", "ratio")
 for _key, _rows in (("", _FILM), ("bands_", _BANDS)):
     _held = [cell(row, 1) for row in _rows]
-    add("coverage", ".0f", **{f"{_key}least": least(*_held), f"{_key}most": most(*_held)})
+    add("coverage", ".0f %", **{f"{_key}least": least(*_held), f"{_key}most": most(*_held)})
 _trusted = [cell(row, 3) for row in _FILM]
-add("coverage", ".0f", films=found(r"on (\d+) simulated"), trusted_least=least(*_trusted), trusted_most=most(*_trusted))
+add("coverage", ".0f", films=found(r"on (\d+) simulated"))
+add("coverage", ".0f %", trusted_least=least(*_trusted), trusted_most=most(*_trusted))
 _COATS = [cell(row, 2) for row in ("thickness of coat 1", "fraction 1 of coat 2", "thickness of coat 2")]
 add(
     "layers_inverted",
-    ".0f",
-    stacks=found(r"a body of two, (\d+) stacks"),
+    ".0f %",
     all=cell("all", 2),
     all_error=cell("all", 4),
-    cases=cell("all", 0),
     coats_least=least(*_COATS),
     coats_most=most(*_COATS),
     model=cell("model error", 2),
@@ -220,12 +226,17 @@ add(
     trusted_error=cell("all", 13),
     trusts=cell("all", 14),
 )
+add("layers_inverted", ".0f", stacks=found(r"a body of two, (\d+) stacks"), cases=cell("all", 0))
 for _key, _words in (
     ("two_grounds", "one, two grounds"),
     ("one_ground", "one, one ground"),
     ("shelf", "of the catalogue, two"),
 ):
-    add("layers_inverted", ".0f", **{_key: cell("all", 2, after=_words), f"{_key}_error": cell("all", 4, after=_words)})
+    add(
+        "layers_inverted",
+        ".0f %",
+        **{_key: cell("all", 2, after=_words), f"{_key}_error": cell("all", 4, after=_words)},
+    )
 
 
 def _walkers(pattern: str, choose: Callable[[list[float]], float]) -> Reader:
@@ -234,4 +245,4 @@ def _walkers(pattern: str, choose: Callable[[list[float]], float]) -> Reader:
 
 
 for _key, _words in (("uncompiled", "not compiled"), ("one", "one walker at a time")):
-    add("emcee_speed", ".0f", **{f"{_key}_least": _walkers(_words, min), f"{_key}_most": _walkers(_words, max)})
+    add("emcee_speed", ".0f times", **{f"{_key}_least": _walkers(_words, min), f"{_key}_most": _walkers(_words, max)})

@@ -33,8 +33,8 @@ SENTENCES = [
     ("README.md", "left out of the fit: median ΔE00 | {prediction.median} |"),
     (
         "README.md",
-        "first set as a full search says, 2000 pixels of a million | {painting.seconds} s, {painting.large_gib} GiB; "
-        "{painting.same_set} % |",
+        "first set as a full search says, 2000 pixels of a million | {painting.seconds} s, "
+        "{painting.large_memory} GiB; {painting.same_set} % |",
     ),
     (
         "README.md",
@@ -48,8 +48,8 @@ SENTENCES = [
     ),
     (
         "docs/accuracy.md",
-        "At a tolerance of 1e-3, 41 wavelengths take {profile_solver.call_us} µs in {profile_solver.kernels} kernels "
-        "of {profile_solver.kernel_us} µs each",
+        "At a tolerance of 1e-3, 41 wavelengths take {profile_solver.call} µs in {profile_solver.kernels} kernels "
+        "of {profile_solver.kernel} µs each",
     ),
     (
         "docs/accuracy.md",
@@ -81,7 +81,7 @@ SENTENCES = [
         (
             "docs/accuracy.md",
             f"| {{painting.{size}_pixels}} | {{painting.{size}_seconds}} | {{painting.{size}_rate}} | "
-            f"{{painting.{size}_gib}} GiB |",
+            f"{{painting.{size}_memory}} GiB |",
         )
         for size in ("small", "million", "large")
     ),
