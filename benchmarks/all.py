@@ -15,13 +15,14 @@ import difflib
 import importlib.util
 import math
 import os
+import resource
 import shutil
 import signal
 import subprocess
 import sys
 import time
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, NoReturn
 
 from benchmarks import figures
 from benchmarks.results import FOLDER, HERE, QUICK_FOLDER, declared, head, modules
@@ -34,6 +35,7 @@ class Outcome(NamedTuple):
 
     name: str
     seconds: float
+    processor: float  # seconds of all its cores and processes, which a busy machine changes less
     ended: str  # exit status, or why there is none
     figures: int = 0
     apart: tuple[str, ...] = ()
@@ -104,13 +106,12 @@ def compared(result: str, folder: Path, factor: float) -> tuple[int, tuple[str, 
 
 def table(outcomes: list[Outcome], factor: float) -> str:
     """One line a benchmark, then the figures that are apart."""
-    lines = [f"{'benchmark':<24}{'seconds':>9}{'figures':>9}{'apart':>7}  exit status, or why not"]
+    lines = [f"{'benchmark':<24}{'seconds':>9}{'cpu':>9}{'figures':>9}{'apart':>7}  exit status, or why not"]
     for one in outcomes:
         counts = f"{one.figures:>9}{len(one.apart):>7}" if one.figures else " " * 16
-        seconds = f"{one.seconds:9.1f}" if one.seconds else " " * 9
+        seconds = f"{one.seconds:9.1f}{one.processor:9.1f}" if one.seconds else " " * 18
         lines.append(f"{one.name:<24}{seconds}{counts}  {one.ended}")
-    ran = [one for one in outcomes if one.seconds]
-    lines.append(f"{'all':<24}{sum(one.seconds for one in ran):9.1f}")
+    lines.append(f"{'all':<24}{sum(one.seconds for one in outcomes):9.1f}{sum(one.processor for one in outcomes):9.1f}")
     if apart := [words for one in outcomes for words in one.apart]:
         lines += ["", f"figures of small size that differ from the committed ones by more than a factor of {factor:g}:"]
         lines += [f"  {words}" for words in apart]
@@ -178,21 +179,32 @@ def main() -> None:
     sys.exit(run_all(chosen(options.only), options))
 
 
+def _stop(*_: object) -> NoReturn:
+    raise KeyboardInterrupt
+
+
+def _processor() -> float:
+    """Seconds of processor time of all children that ended."""
+    used = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return used.ru_utime + used.ru_stime
+
+
 def run_all(benchmarks: list[Path], options: argparse.Namespace) -> int:
     """Run them in turn; 0 if all that ran ended well, 130 if it was stopped."""
     folder = options.out.resolve()
     folder.mkdir(parents=True, exist_ok=True)
-    # Whoever stops this process stops the child too.
-    signal.signal(signal.SIGTERM, lambda *_: signal.raise_signal(signal.SIGINT))
+    # Whoever stops this process, by either signal, stops the child too.
+    for kind in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(kind, _stop)
     outcomes: list[Outcome] = []
     stopped = False
     print(f"results and logs go to {folder}")
     for module in benchmarks:
-        name, began = module.stem, time.monotonic()
+        name, began, spent = module.stem, time.monotonic(), _processor()
         if lack := missing(module):
-            outcomes.append(Outcome(name, 0.0, f"left out: {lack}"))
+            outcomes.append(Outcome(name, 0.0, 0.0, f"left out: {lack}"))
         elif options.resume and done_before(module, folder):
-            outcomes.append(Outcome(name, 0.0, "done before", *compared(name, folder, options.factor)))
+            outcomes.append(Outcome(name, 0.0, 0.0, "done before", *compared(name, folder, options.factor)))
         else:
             print(f"{name} ...", end="", flush=True)
             try:
@@ -202,7 +214,8 @@ def run_all(benchmarks: list[Path], options: argparse.Namespace) -> int:
             seconds = time.monotonic() - began
             print(f" {seconds:.0f} s" + f", {ended}" * (ended != "0"), flush=True)
             count = compared(name, folder, options.factor) if ended == "0" else ()
-            outcomes.append(Outcome(name, seconds, ended if ended == "0" else f"{ended}; see {name}.log", *count))
+            words = ended if ended == "0" else f"{ended}; see {name}.log"
+            outcomes.append(Outcome(name, seconds, _processor() - spent, words, *count))
         (folder / "all.txt").write_text(table(outcomes, options.factor))
         if stopped:
             break

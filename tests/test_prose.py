@@ -9,7 +9,12 @@ from benchmarks import figures
 from tests.prose import Quoted, backing, blocks, quoted, unbacked
 
 ROOT = Path(__file__).parents[1]
-DOCUMENTS = ["README.md", *sorted(str(path.relative_to(ROOT)) for path in (ROOT / "docs").rglob("*.md"))]
+# Not what a build of the site makes: pages of results, and all that is built.
+DOCUMENTS = ["README.md"] + [
+    str(path.relative_to(ROOT))
+    for path in sorted((ROOT / "docs").rglob("*.md"))
+    if not {"results", "_build", "jupyter_execute"} & set(path.parts)
+]
 # What no result holds. Sizes and settings are those of the command that the text names.
 EXEMPT = [
     (r"thickness 0 to 1e6, albedo 0 to 1|cosines down to 4e-4", "what tests/radiative try"),

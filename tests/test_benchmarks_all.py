@@ -1,0 +1,190 @@
+"""`python -m benchmarks.all`: names every benchmark, runs each by itself, and ends with a table whatever happens."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from benchmarks import all as runner
+from benchmarks.results import FOLDER, HERE, declared, modules
+
+ROOT = Path(__file__).parents[1]
+
+# Stands in for a benchmark: a head and a line, or what its name says.
+MADE = '''"""Says {name}."""
+# Results(
+import os, sys, time
+REVISION = 1
+NEEDS = {needs}
+assert "--quick" in sys.argv
+out = sys.argv[sys.argv.index("--out") + 1]
+{body}
+head = "made 2026-11-23 by python -m benchmarks.{name} --quick; glazejax 0.1.0, revision 1"
+open(os.path.join(out, "{name}.txt"), "w").write(head + "\\n\\n1000000   1900   812   1032   481.8\\n")
+'''
+BODIES = {
+    "broken": "raise SystemExit(3)",
+    "endless": "open(os.path.join(out, 'pid'), 'w').write(str(os.getpid())); time.sleep(600)",
+}
+
+
+def listed(*words):
+    return subprocess.run(
+        [sys.executable, "-m", "benchmarks.all", *words], cwd=ROOT, capture_output=True, text=True, check=False
+    )
+
+
+@pytest.fixture
+def made(tmp_path, monkeypatch):
+    """Folder of a package `benchmarks` with modules of these names, which the runner takes for its own."""
+    package = tmp_path / "benchmarks"
+    package.mkdir()
+    (package / "__init__.py").touch()
+
+    def make(*names, needs=()):
+        for name in names:
+            text = MADE.format(name=name, needs=needs if name == "needy" else (), body=BODIES.get(name, ""))
+            (package / f"{name}.py").write_text(text)
+        monkeypatch.setattr(runner, "HERE", package)
+        monkeypatch.setattr(runner, "modules", lambda: [package / f"{name}.py" for name in names])
+        monkeypatch.setenv("PYTHONPATH", "")
+        return tmp_path / "out"
+
+    return make
+
+
+def ran(out, *words):
+    """Run the command in this process; exit status and the table."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("sys.argv", ["all.py", "--quick", "--out", str(out), *words])
+        before = [signal.getsignal(kind) for kind in (signal.SIGINT, signal.SIGTERM)]
+        try:
+            with pytest.raises(SystemExit) as ended:
+                runner.main()
+        finally:
+            signal.signal(signal.SIGINT, before[0])
+            signal.signal(signal.SIGTERM, before[1])
+    return ended.value.code, (out / "all.txt").read_text() if out.exists() else ""
+
+
+def test_the_list_names_every_benchmark():
+    done = listed("--list")
+    assert done.returncode == 0, done.stderr
+    names = [line.split()[0] for line in done.stdout.splitlines() if line and not line.startswith("not run")]
+    assert len(names) == len(set(names))
+    with_a_command = {path.stem for path in HERE.glob("*.py") if "\ndef main(" in path.read_text()}
+    assert with_a_command == set(names)
+    ours, _, others = done.stdout.partition("not run by this")
+    for module in modules():
+        assert f"\n{module.stem} " in f"\n{ours}", f"{module.stem} writes results and is not run"
+        assert f"\n{module.stem} " not in others
+
+
+@pytest.mark.parametrize("module", modules(), ids=lambda path: path.stem)
+def test_what_a_benchmark_needs_is_understood(module):
+    for need in declared(module, "NEEDS", ()):
+        assert need in ("gpu", "long") or need.startswith(("data/", "program/")) or need.isidentifier()
+        assert isinstance(runner.lacks(need), str)
+
+
+@pytest.mark.parametrize("module", modules(), ids=lambda path: path.stem)
+def test_every_benchmark_has_a_small_size(module):
+    """By its shared option; a benchmark without a smaller setting than `--quick`'s other folder is exempt by name."""
+    text = module.read_text()
+    small = "options.quick" in text or "add_option(parser, " in text
+    assert small or module.stem in ("object_colour_figures", "many_flux_figures", "mutation")
+
+
+def test_each_runs_and_what_fails_does_not_stop_the_rest(made):
+    out = made("one", "broken", "needy", "two", needs=("no_such_package", "data/none", "program/no-such-program"))
+    code, table = ran(out)
+    assert code == 1
+    rows = {line.split()[0]: line for line in table.splitlines()}
+    assert rows["one"].endswith("  0")
+    assert rows["two"].endswith("  0")
+    assert rows["broken"].endswith("  3; see broken.log")
+    missing = "no package no_such_package, no measured data none (GLAZEJAX_DATA), no program no-such-program"
+    assert rows["needy"].endswith(f"left out: {missing}")
+    assert sorted(path.name for path in out.iterdir()) == [
+        "all.txt", "broken.log", "one.log", "one.txt", "two.log", "two.txt"
+    ]  # fmt: skip
+
+
+def test_what_takes_too_long_is_ended(made):
+    code, table = ran(made("endless", "one"), "--limit", "2")
+    assert code == 1
+    assert "limit of 2 s; see endless.log" in table
+    assert "\none " in table
+
+
+def test_what_is_done_is_kept_and_left_out_when_resumed(made):
+    out = made("one", "two")
+    assert ran(out, "--only", "one")[0] == 0
+    assert not (out / "two.txt").exists()
+    stamp = (out / "one.txt").stat().st_mtime_ns
+    code, table = ran(out, "--resume")
+    assert code == 0
+    assert "done before" in table
+    assert (out / "two.txt").exists()
+    assert (out / "one.txt").stat().st_mtime_ns == stamp
+    ran(out, "--only", "one")
+    assert (out / "one.txt").stat().st_mtime_ns > stamp
+
+
+def test_figures_that_are_far_off_are_told(made):
+    code, table = ran(made("scaling"))
+    assert code == 0
+    assert "scaling.million_seconds 0.6 -> 1.9" in table
+    assert "scaling.million_slopes" not in table
+    assert "scaling.million_seconds" not in ran(made("scaling"), "--factor", "4")[1]
+
+
+def test_stopped_by_a_signal_it_ends_its_child_and_says_what_is_done(made, tmp_path):
+    out = made("one", "endless", "two")
+    script = tmp_path / "elsewhere" / "stopped.py"
+    script.parent.mkdir()
+    script.write_text(
+        "import sys; from pathlib import Path; from benchmarks import all as runner\n"
+        f"package = Path({str(tmp_path / 'benchmarks')!r}); runner.HERE = package\n"
+        "runner.modules = lambda: [package / f'{n}.py' for n in ('one', 'endless', 'two')]\n"
+        f"sys.argv = ['all.py', '--quick', '--out', {str(out)!r}]; runner.main()\n"
+    )
+    # As under nohup: SIGINT ignored from the start.
+    paths = [str(ROOT), str(ROOT / "src"), str(ROOT / "fitting")]
+    process = subprocess.Popen(
+        [sys.executable, str(script)], env=os.environ | {"PYTHONPATH": os.pathsep.join(paths)}, cwd=script.parent,
+        stdout=subprocess.PIPE, text=True, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN),
+    )  # fmt: skip
+    until = time.monotonic() + 60
+    while not (out / "pid").exists() or not (out / "pid").read_text():
+        assert time.monotonic() < until
+        assert process.poll() is None
+        time.sleep(0.1)
+    process.send_signal(signal.SIGTERM)
+    said, _ = process.communicate(timeout=30)
+    assert process.returncode == 130
+    rows = {line.split()[0]: line for line in (out / "all.txt").read_text().splitlines()}
+    assert rows["one"].endswith("  0")
+    assert "stopped; see endless.log" in rows["endless"]
+    assert "two" not in rows
+    assert "stopped; see endless.log" in said
+    with pytest.raises(ProcessLookupError):
+        os.kill(int((out / "pid").read_text()), 0)
+
+
+@pytest.mark.parametrize(
+    ("words", "sentence"),
+    [
+        ((), "say --quick, or --list"),
+        (("--quick", "--out", str(FOLDER)), "the committed results are of full size; choose another folder"),
+        (("--quick", "--only", "frontire"), "--only frontire: no such benchmark; frontier?"),
+    ],
+)
+def test_a_wrong_call_ends_in_a_sentence(words, sentence):
+    done = listed(*words)
+    assert done.returncode != 0
+    assert sentence in done.stderr
+    assert "Traceback" not in done.stderr
