@@ -213,9 +213,9 @@ def run_all(benchmarks: list[Path], options: argparse.Namespace) -> int:
                 ended, stopped = "stopped", True
             seconds = time.monotonic() - began
             print(f" {seconds:.0f} s" + f", {ended}" * (ended != "0"), flush=True)
-            count = compared(name, folder, options.factor) if ended == "0" else ()
+            count, apart = compared(name, folder, options.factor) if ended == "0" else (0, ())
             words = ended if ended == "0" else f"{ended}; see {name}.log"
-            outcomes.append(Outcome(name, seconds, _processor() - spent, words, *count))
+            outcomes.append(Outcome(name, seconds, _processor() - spent, words, count, apart))
         (folder / "all.txt").write_text(table(outcomes, options.factor))
         if stopped:
             break

@@ -140,6 +140,15 @@ def figure(name: str, folder: Path = FOLDER) -> str:
     return of(name).said(value(name, folder))
 
 
+def with_unit(name: str, folder: Path = FOLDER) -> str:
+    """A figure and its unit, for instance `0.6 s`, `85 %` or, where it has none, `0.82`.
+
+    Raises:
+        ValueError: as `value`.
+    """
+    return f"{figure(name, folder)} {of(name).unit}".rstrip()
+
+
 def of(name: str) -> Figure:
     """How the figure of this name is read and said.
 
@@ -193,7 +202,7 @@ def main() -> None:
     width = max(map(len, wanted))
     try:
         for name in wanted:
-            print(f"{name:{width}}  {figure(name, options.folder)} {of(name).unit}".rstrip())
+            print(f"{name:{width}}  {with_unit(name, options.folder)}")
     except ValueError as error:
         raise SystemExit(str(error)) from None
 

@@ -106,19 +106,19 @@ add(
 )
 for _key, _row in (("q120_401", "Q  120, 401 x  1 stacks"), ("q500", "Q  500,  41 x  1 stacks")):
     add("auxiliary_products", ".0f ms", **{f"{_key}_one": cell(_row, 3), f"{_key}_fft": cell(_row, 9)})
-_slopes = {"after": "The same with derivatives"}
+_SLOPES = "The same with derivatives"
 add(
     "auxiliary_products",
     ".0f ms",
-    slopes_one=cell("Q  120,  41 x  1 stacks", 3, **_slopes),
-    slopes_fft=cell("Q  120,  41 x  1 stacks", 9, **_slopes),
+    slopes_one=cell("Q  120,  41 x  1 stacks", 3, after=_SLOPES),
+    slopes_fft=cell("Q  120,  41 x  1 stacks", 9, after=_SLOPES),
 )
 add(
     "auxiliary_products",
     ".1f MB",
     **{f"q500_mb_{_key}": cell("Q  500,  41 x  1 stacks", k) for k, _key in ((12, "one"), (13, "all"), (14, "fft"))},
 )
-add("auxiliary_products", ".0e", apart=cell("Q  120,  41 x  1 stacks", 13, **_slopes))
+add("auxiliary_products", ".0e", apart=cell("Q  120,  41 x  1 stacks", 13, after=_SLOPES))
 for _key, _words in (("printed", "fixed step, as printed"), ("corrected", "fixed step, corrected")):
     add("auxiliary_order", ".1f", **{f"{_key}": found(rf"{_words}: order (\S+)")})
 for _k, _key in ((0, "rms"), (1, "largest")):
