@@ -52,6 +52,20 @@ FIGURES = {
     ),
     "gradient_over_value": Figure("frontier", r"value and gradient / value +tol. 1e-06 +([\d.]+)", _digits(1)),
     "million_stacks": Figure("scaling", r"\n1000000 +(\d+)", lambda milliseconds: f"{milliseconds / 1e3:.1f} s"),
+    "million_stacks_memory": Figure(
+        "scaling", r"\n1000000 +\d+[\d.]* +(\d+)", lambda mebibytes: f"{mebibytes / 1024:.1f} GiB"
+    ),
+    "million_stacks_slopes": Figure(
+        "scaling", r"\n1000000 +[\d.]+ +\d+ +([\d.]+)", lambda milliseconds: f"{milliseconds / 1e3:.1f} s"
+    ),
+    "power_of_layers": Figure("scaling", r"exponent from 2 to 40: glazejax ([\d.]+)", _digits(2)),
+    "power_of_wavelengths": Figure("scaling", r"exponent from 251 to 4001: glazejax ([\d.]+)", _digits(2)),
+    "power_of_stacks": Figure("scaling", r"exponent from 10000 to 1000000: glazejax ([\d.]+)", _digits(2)),
+    "power_of_pixels": Figure("scaling", r"exponent from 65536 to 1048576: glazejax ([\d.]+)", _digits(2)),
+    "render_cold": Figure("cold_start", r"\nrender +([\d.]+)", _digits(1)),
+    "render_warm": Figure("cold_start", r"\nrender +[\d.]+ +([\d.]+)", _digits(1)),
+    "identify_cold": Figure("cold_start", r"\nidentify +([\d.]+)", _digits(1)),
+    "identify_warm": Figure("cold_start", r"\nidentify +[\d.]+ +([\d.]+)", _digits(1)),
     "microseconds_of_a_call": Figure("profile_solver", r"\n +41 +1e-03 +\d+ +(\d+) +\d+ +[\d.]+", _digits(0)),
     "pigments_first": Figure("truth", r"\nglazejax +\d+% +\d+/55 +(\d+)% +\d+/39", lambda share: f"{share:.0f} %"),
     "prediction_median": Figure("prediction", r"median, all +\S+ +(\S+)", _digits(1)),

@@ -32,6 +32,7 @@ extensions = [
     "docstrings",
     "reference",
     "results",
+    "gallery",
     "offline",
 ]
 exclude_patterns = ["_build", "_ext"]
