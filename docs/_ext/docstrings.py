@@ -9,7 +9,6 @@ from typing import Any
 from pygments.lexers.special import TextLexer
 from sphinx.application import Sphinx
 
-
 _SHORT = ("property", "attribute", "data")
 _kept: dict[str, list[str]] = {}
 

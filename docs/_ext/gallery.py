@@ -1,4 +1,4 @@
-"""The directive `{gallery}`: pictures that the notebooks of this folder drew when they ran, each a link to its notebook."""
+"""The directive `{gallery}`: pictures that the notebooks of this folder drew, each a link to its notebook."""
 
 from pathlib import PurePosixPath
 from typing import Any
@@ -24,7 +24,9 @@ def _fill(app: Sphinx, doctree: nodes.document, name: str) -> None:
     for place in list(doctree.findall(Gallery)):
         folder = PurePosixPath(name).parent
         made = nodes.container(classes=["gallery"])
-        for page in sorted(page for page in app.env.found_docs if PurePosixPath(page).parent == folder and page != name):
+        for page in sorted(
+            page for page in app.env.found_docs if PurePosixPath(page).parent == folder and page != name
+        ):
             # The last one shows most: earlier ones lead to it.
             pictures = [image for image in app.env.get_doctree(page).findall(nodes.image) if image.get("alt")]
             if not pictures:

@@ -3,10 +3,10 @@
 import re
 from html.parser import HTMLParser
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from sphinx.application import Sphinx
-from sphinx.errors import ExtensionError
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
 
 _ASKS = {"script": "src", "link": "href", "img": "src", "iframe": "src", "source": "src", "video": "src"}
 # Links that a browser does not follow by itself.
@@ -34,7 +34,7 @@ def faults_of(page: str) -> list[str]:
     return parser.faults
 
 
-def _look(app: Sphinx, error: Exception | None) -> None:
+def _look(app: "Sphinx", error: Exception | None) -> None:
     if error is not None or app.builder.format != "html":
         return
     folder = Path(app.outdir)
@@ -50,10 +50,12 @@ def _look(app: Sphinx, error: Exception | None) -> None:
         for address in re.findall(r"(?:url\(|@import\s)\s*[\"']?((?:https?:)?//[^\"')\s]+)", path.read_text("utf-8"))
     ]
     if faults:
+        from sphinx.errors import ExtensionError
+
         raise ExtensionError("\n".join(["the site is not complete in itself:", *faults]))
 
 
-def setup(app: Sphinx) -> dict[str, Any]:
+def setup(app: "Sphinx") -> dict[str, Any]:
     """Called by Sphinx."""
     app.connect("build-finished", _look)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,15 +1,17 @@
 """Texts of the repository as pages of the site, and links that work on the forge and here.
 
-On the forge a page links to files wherever they lie: `../benchmarks/results/frontier.txt`, `../ARCHITECTURE.md`. Here the
-first is a page of `results`, the second a copy of the text, made when the site is built.
+On the forge a page links to files wherever they lie: `../benchmarks/results/frontier.txt`, `../ARCHITECTURE.md`. Here
+the first is a page of `results`, the second a copy of the text, made when the site is built.
 """
 
 import os
 import re
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from sphinx.application import Sphinx
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
+
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -67,19 +69,19 @@ def write_if_new(path: Path, text: str) -> None:
         path.write_text(text, encoding="utf-8")
 
 
-def _copy(app: Sphinx) -> None:
+def _copy(app: "Sphinx") -> None:
     for source, page in TEXTS.items():
         path = ROOT / source
         write_if_new(DOCS / f"{page}.md", links_for_site(path.read_text(encoding="utf-8"), path.parent))
 
 
-def _mend(app: Sphinx, name: str, content: list[str]) -> None:
+def _mend(app: "Sphinx", name: str, content: list[str]) -> None:
     path = Path(app.env.doc2path(name))
     if path.suffix == ".md" and not name.startswith("project/"):
         content[0] = links_for_site(content[0], path.parent)
 
 
-def setup(app: Sphinx) -> dict[str, Any]:
+def setup(app: "Sphinx") -> dict[str, Any]:
     """Called by Sphinx."""
     app.connect("builder-inited", _copy)
     app.connect("source-read", _mend)

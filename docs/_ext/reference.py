@@ -1,13 +1,15 @@
-"""Pages of the reference: public names from the packages' own lists, with their docstrings; commands with their options."""
+"""Pages of the reference: public names, from the packages' own lists, and commands with their options."""
 
 import importlib
 import inspect
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pages_of_repository import DOCS, write_if_new
-from sphinx.application import Sphinx
+
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
 
 ROOMS = {
     "Forward: from paint to colour": [
@@ -133,7 +135,7 @@ def _commands() -> str:
     return "\n".join(lines)
 
 
-def _write(app: Sphinx) -> None:
+def _write(app: "Sphinx") -> None:
     folder = DOCS / "reference"
     seen: dict[int, str] = {}
     for name in ALL:
@@ -146,7 +148,7 @@ def _write(app: Sphinx) -> None:
             path.unlink()
 
 
-def setup(app: Sphinx) -> dict[str, Any]:
+def setup(app: "Sphinx") -> dict[str, Any]:
     """Called by Sphinx."""
     app.connect("builder-inited", _write)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

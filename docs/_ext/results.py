@@ -1,20 +1,19 @@
 """Pages of the benchmarks' results, and the role `{result}`: a figure taken from them when the site is built.
 
-``{result}`gradient_over_value` `` becomes the figure of that name in `benchmarks/figures.py`, with a link to the page of
-the file that it stands in. A name that is not there, or a result in which it is not found, ends the build.
+``{result}`gradient_over_value` `` becomes the figure of that name in `benchmarks/figures.py`, with a link to the page
+of the file that it stands in. A name that is not there, or a result in which it is not found, ends the build.
 """
 
 import ast
 from pathlib import Path
 from typing import Any
 
+from benchmarks.figures import FIGURES
 from docutils import nodes
 from pages_of_repository import DOCS, RESULTS, ROOT, write_if_new
 from sphinx import addnodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxRole
-
-from benchmarks.figures import FIGURES
 
 
 class Result(SphinxRole):
