@@ -41,7 +41,13 @@ add(
     conventional_errors=ratio(found(r"errors \S+ (\S+)$"), found(r"errors (\S+), \S+$")),
 )
 
-add("scaling", ".2f", layers_power=found(r"exponent from 2 to 40: glazejax (\S+),"))
+for _key, _range in (
+    ("layers", "2 to 40"),
+    ("wavelengths", "251 to 4001"),
+    ("stacks", "10000 to 1000000"),
+    ("pixels", "65536 to 1048576"),
+):
+    add("scaling", ".2f", **{f"{_key}_power": found(rf"exponent from {_range}: glazejax ([\d.]+)")})
 add("scaling", ".2f ms", layers_40=cell("40", 0))
 add("scaling", ".0f ms", layers_40_cdisort=cell("40", 2))
 add("scaling", ".2f s", million_seconds_exact=cell("1000000", 0, 1e-3), million_single=cell("1000000", 3, 1e-3))
