@@ -143,7 +143,7 @@ def draw(results: dict[str, dict[int, dict[str, float]]]) -> Any:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(12, 4.2), layout="constrained")
-    for panel, (problem, rows) in zip(figure.subplots(1, len(results)), results.items(), strict=True):
+    for panel, (problem, rows) in zip(figure.subplots(1, len(results), squeeze=False)[0], results.items(), strict=True):
         for name in next(iter(rows.values())):
             walkers = [w for w in rows if name in rows[w]]
             panel.loglog(walkers, [1e3 * rows[w][name] for w in walkers], "o-", ms=4, label=name)
@@ -163,7 +163,7 @@ def main() -> None:
     add_option(parser)
     options = parser.parse_args()
     if options.quick:
-        globals().update(WALKERS=(32, 64), ROUNDS=2, PATIENCE=0.2)
+        globals().update(WALKERS=(32,), ROUNDS=2, PATIENCE=0.2)
     jax.config.update("jax_enable_x64", True)
     say = Results("emcee_speed", options.out, "emcee")
     say("Milliseconds a step of emcee, by how the log-probability is called (in brackets: over vectorised)")
