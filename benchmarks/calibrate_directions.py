@@ -90,7 +90,7 @@ def main() -> None:
     add_option(parser, stacks=50)
     options = parser.parse_args()
     if options.quick:
-        globals().update(INDICES=(1.0, 1.5), TOLERANCES=(1e-2, 1e-4))
+        globals().update(INDICES=(1.0, 1.5), TOLERANCES=(1e-3,))
     jax.config.update("jax_enable_x64", True)
     say = Results("calibrate_directions", options.out)
     stacks = random_stacks(options.stacks)

@@ -211,7 +211,7 @@ def main() -> None:
     truth = {index: ours.converged(work, index) for index in ours.CONVERGED}
     curves = our_curves(work) + paper_curves(work) + peers
     if options.quick:
-        curves = [curve._replace(settings=curve.settings[::4]) for curve in curves]
+        curves = [curve._replace(settings=curve.settings[::6]) for curve in curves]
     rows = measure(curves, truth, say, repetitions=3 if options.quick else 40)
     say()
     confirm(rows, peers, work, say)
