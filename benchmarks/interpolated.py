@@ -47,10 +47,10 @@ def xyz(**given) -> jax.Array:
     return gj.reflectance(glaze, gj.Bidirectional(45.0, 0.0), tolerance=SOLVER) @ jnp.asarray(WEIGHTS)
 
 
-def best(programs: dict[str, Callable[[], object]], rounds: int = ROUNDS) -> dict[str, tuple[float, float]]:
+def best(programs: dict[str, Callable[[], object]]) -> dict[str, tuple[float, float]]:
     """Least seconds of each program, run in turn, on the clock and of all threads together."""
     found = {name: (np.inf, np.inf) for name in programs}
-    for round_ in range(rounds + 1):
+    for round_ in range(ROUNDS + 1):
         for name, program in programs.items():
             cores, clock = time.process_time(), time.perf_counter()
             jax.block_until_ready(program())
@@ -102,7 +102,7 @@ def main() -> None:
     def slopes(table, points):
         return jax.grad(lambda moved: jnp.sum(colour.xyz_to_srgb(table(**moved), WHITE)))(points)
 
-    for names in (("upper",), ("upper", "share"), ("upper", "lower", "share")):
+    for names in (("upper",), ("upper", "share"), ("upper", "lower", "share"))[: 1 if options.quick else None]:
         pixels = {name: jnp.asarray(rng.uniform(*RANGES[name], options.pixels)) for name in names}
         few = {name: values[:DIRECT] for name, values in pixels.items()}
         solver = jax.jit(lambda points: colour.xyz_to_srgb(xyz(**points), WHITE))
