@@ -220,10 +220,10 @@ def main() -> None:
     parser.add_argument("--stacks", type=int, default=40, help="of known paints")
     parser.add_argument("--unknown", type=int, default=8, help="of an unknown paint, of each of three kinds")
     parser.add_argument("--seed", type=int, default=0)
-    add_option(parser, stacks=2, unknown=1)
+    add_option(parser, stacks=2)
     options = parser.parse_args()
     if options.quick:
-        globals().update(STEPS=200, UNKNOWN_STEPS=200)
+        globals().update(STEPS=100)
     jax.config.update("jax_enable_x64", True)
     say = Results("layers_inverted", options.out, "emcee")
     say(f"Stacks of coats found again: how often 90 % intervals hold the truth (seed {options.seed})")
@@ -231,7 +231,7 @@ def main() -> None:
     for simulate, count, steps in (
         (known_paints, options.stacks, STEPS),
         (unknown_paint, options.unknown, UNKNOWN_STEPS),
-    ):
+    )[: 1 if options.quick else None]:
         began = time.perf_counter()
         found, state = find(simulate(count, rng), steps, options.seed)
         if simulate is known_paints:
