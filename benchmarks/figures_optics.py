@@ -79,6 +79,26 @@ add("cold_start", ".1f s", **{"import": cell("import glazejax", 0), "import_agai
 add("cold_start", ".0f", import_programs=cell("import glazejax", 4))
 
 # Paper A.
+_PAIRS = ("a/b", "a/c", "a/d", "b/c", "b/d", "c/d")
+
+
+def _of_pair(row: str, pair: str, after: str = "") -> Reader:
+    """The number in a pair's column: the nearest line of pairs' names above the row says which it is."""
+
+    def read(text: str) -> float:
+        names: list[str] = []
+        for line in below(text, after).splitlines():
+            if set(line.split()) & set(_PAIRS):
+                names = [word for word in line.split() if word in _PAIRS]
+            # Means may have a variance in brackets beside them.
+            if line.strip().startswith(row):
+                pieces = [piece for piece in line.strip()[len(row) :].split() if not piece.startswith("(")]
+                return number(pieces[names.index(pair)])
+        raise ValueError(f"no line begins with {row!r}" + f" below {after!r}" * bool(after))
+
+    return read
+
+
 _OVER = {
     "own": "here: fixed step over own step, decomposed",
     "conventional": "here: fixed step over conventional",
@@ -86,13 +106,19 @@ _OVER = {
     "paper": "paper: fixed step over own step, decomposed",
 }
 for _key, _row in _OVER.items():
-    _pairs = [cell(_row, k) for k in range(6)]
+    _pairs = [_of_pair(_row, pair) for pair in _PAIRS]
     _style = ".0f %" if _key.startswith("own") else ".1f %"
     add("paper_tables", _style, **{f"{_key}_least": least(*_pairs), f"{_key}_most": most(*_pairs)})
-add("paper_tables", ".3f", ac_fixed=cell("here: fixed step .01", 2), bc_fixed=cell("here: fixed step .01", 6))
-add("paper_tables", ".3f", ac_coarse=cell("here: coarsened to own step .04", 2))
-add("paper_tables", ".4f", bc_paper=cell("paper: fixed step .01", 6))
-add("paper_tables", ".2f", ab_coarse_paper=cell("paper: coarsened to own step .04", 0))
+_FIXED_STEP, _COARSENED = "fixed step .01", "coarsened to own step .04"
+add(
+    "paper_tables",
+    ".3f",
+    ac_fixed=_of_pair(f"here: {_FIXED_STEP}", "a/c"),
+    ac_coarse=_of_pair(f"here: {_COARSENED}", "a/c"),
+)
+add("paper_tables", ".3f", bc_fixed=_of_pair(f"here: {_FIXED_STEP}", "b/c"))
+add("paper_tables", ".4f", bc_paper=_of_pair(f"paper: {_FIXED_STEP}", "b/c"))
+add("paper_tables", ".2f", ab_coarse_paper=_of_pair(f"paper: {_COARSENED}", "a/b"))
 add("paper_tables", ".0f", default_errors=one_over(found(r"error ratio (\S+)")))
 add(
     "paper_tables",
@@ -139,29 +165,27 @@ for _k, _key in ((0, "rms"), (1, "largest")):
     )
 
 
-def _ends(row: str, pair: int, after: str = "") -> tuple[Reader, Reader]:
-    """Least and most of a pair's draws, of cells such as 0.0018-0.1976 below a row of medians."""
+def _ends(what: str, pair: str, after: str = "") -> tuple[Reader, Reader]:
+    """Least and most of a pair's draws, of cells such as 0.0018-0.1976 in the row below that of the medians."""
 
-    def cells(text: str) -> list[str]:
-        line = below(below(text, after), row).splitlines()[1]
-        return line.partition("draws")[2].split()[pair].split("-")
+    def read(text: str, end: int) -> float:
+        table = below(text, after)
+        heads = (line.split() for line in table.splitlines() if "/" in line and set(line.split()) <= set(_PAIRS))
+        names = next(heads, [])
+        row = below(table, f"here: {what}, median").splitlines()[1]
+        return number(row.partition("draws")[2].split()[names.index(pair)].split("-")[end])
 
-    return lambda text: number(cells(text)[0]), lambda text: number(cells(text)[1])
+    return lambda text: read(text, 0), lambda text: read(text, 1)
 
 
-_FIXED, _COARSE, _THICK = (
-    "here: fixed step .01, median",
-    "here: coarsened to own step .04, median",
-    "With paints as thick",
-)
 _draws = {
-    "ac": _ends(_FIXED, 1),
-    "bc": _ends(_FIXED, 3),
-    "bc_thick": _ends(_FIXED, 3, _THICK),
+    "ac": _ends(_FIXED_STEP, "a/c", "Table 4 again"),
+    "bc": _ends(_FIXED_STEP, "b/c", "Table 4 again"),
+    "bc_thick": _ends(_FIXED_STEP, "b/c", "With paints as thick"),
 }
 for _key, (_low, _high) in _draws.items():
     add("paper_rounding", ".4f", **{f"{_key}_least": _low, f"{_key}_most": _high})
-add("paper_rounding", ".2f", ab_coarse_most=_ends(_COARSE, 0)[1])
+add("paper_rounding", ".2f", ab_coarse_most=_ends(_COARSENED, "a/b", "Table 4 again")[1])
 add(
     "paper_rounding",
     ".0f",
@@ -169,7 +193,7 @@ add(
     ac_nearer=cell("fixed step nearer, of the draws", 3),
 )
 add("paper_rounding", ".0f %", all_nearer=found(r"fixed step nearer in (\d+)% of all draws"))
-add("paper_rounding", ".3f", rounded_apart=cell("fixed step .01 from the default solver with both", 3))
+add("paper_rounding", ".3f", rounded_apart=_of_pair("fixed step .01 from the default solver with both", "b/c"))
 for _key, _paint in (("b", "vermilion"), ("a", "lead_tin")):
     add(
         "paper_rounding",

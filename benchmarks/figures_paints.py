@@ -57,7 +57,8 @@ def _bin(n: int, part: int, scale: float = 1.0) -> Reader:
     """Bin `n` of the probabilities: what is stated, the share that is right, and how many."""
 
     def read(text: str) -> float:
-        row = next(line for line in below(text, "STATED -> TRUE").splitlines() if line.startswith("glazejax"))
+        lines = below(text, "STATED -> TRUE").splitlines()
+        row = next((line for line in lines if line.startswith("glazejax")), "")
         return float(re.findall(r"(\S+) -> (\S+) \((\d+)\)", row)[n][part]) * scale
 
     return read

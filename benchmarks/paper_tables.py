@@ -338,7 +338,8 @@ def main() -> None:
     add_option(parser, repetitions=3, budget=0.1)
     options = parser.parse_args()
     if options.quick:
-        globals().update(SIZES=SIZES[:1], STEPS=(0.01, 0.04))
+        globals().update(SIZES=SIZES[:1], PAPER_DIRECT=PAPER_DIRECT[:1], PAPER_DECOMPOSED=PAPER_DECOMPOSED[:1])
+        globals().update(STEPS=(0.01, 0.04))
     jax.config.update("jax_enable_x64", True)
     # The last two are thin, and so quick.
     pairs = dict(list(work().items())[4 if options.quick else 0 :])
