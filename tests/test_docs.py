@@ -4,6 +4,8 @@ The site itself is built by `.ci/run`: it executes the notebooks, and a warning 
 """
 
 import ast
+import doctest
+import importlib
 import re
 import shutil
 import subprocess
@@ -143,6 +145,21 @@ def test_the_python_of_the_first_steps_runs(page, tmp_path):
     for code in blocks(page, "python"):
         if "panel.hdr" not in code and "scene.toml" not in code:
             subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True, timeout=600)
+
+
+EXAMPLES = [
+    ".".join(path.relative_to(folder).with_suffix("").parts).removesuffix(".__init__")
+    for folder in (ROOT / "src", ROOT / "fitting")
+    for path in sorted(folder.rglob("*.py"))
+    if ">>> " in path.read_text("utf-8")
+]
+
+
+@pytest.mark.parametrize("module", EXAMPLES)
+def test_examples_of_docstrings_are_true(module):
+    done = doctest.testmod(importlib.import_module(module), optionflags=doctest.NORMALIZE_WHITESPACE)
+    assert done.attempted
+    assert not done.failed
 
 
 def test_every_public_name_is_in_the_reference():
