@@ -234,7 +234,7 @@ def main() -> None:
     options = parser.parse_args()
     if options.quick:
         globals().update(
-            PATIENCE=0.1, SERIES=tuple(s._replace(sizes=s.sizes[:4], fitted=s.sizes[1:4:2]) for s in SERIES)
+            PATIENCE=0.1, SERIES=tuple(s._replace(sizes=s.sizes[:3], fitted=s.sizes[:3:2]) for s in SERIES)
         )
     jax.config.update("jax_enable_x64", True)
     if options.measure:

@@ -147,16 +147,17 @@ def test_stopped_by_a_signal_it_ends_its_child_and_says_what_is_done(made, tmp_p
     script = tmp_path / "elsewhere" / "stopped.py"
     script.parent.mkdir()
     script.write_text(
+        # As under nohup: SIGINT ignored from the start.
+        "import signal; signal.signal(signal.SIGINT, signal.SIG_IGN)\n"
         "import sys; from pathlib import Path; from benchmarks import all as runner\n"
         f"package = Path({str(tmp_path / 'benchmarks')!r}); runner.HERE = package\n"
         "runner.modules = lambda: [package / f'{n}.py' for n in ('one', 'endless', 'two')]\n"
         f"sys.argv = ['all.py', '--quick', '--out', {str(out)!r}]; runner.main()\n"
     )
-    # As under nohup: SIGINT ignored from the start.
     paths = [str(ROOT), str(ROOT / "src"), str(ROOT / "fitting")]
     process = subprocess.Popen(
         [sys.executable, str(script)], env=os.environ | {"PYTHONPATH": os.pathsep.join(paths)}, cwd=script.parent,
-        stdout=subprocess.PIPE, text=True, preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_IGN),
+        stdout=subprocess.PIPE, text=True,
     )  # fmt: skip
     until = time.monotonic() + 60
     while not (out / "pid").exists() or not (out / "pid").read_text():
