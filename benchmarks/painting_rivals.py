@@ -524,7 +524,7 @@ def main() -> None:
     parser.add_argument("--bands", type=int, default=200)
     options = parser.parse_args()
     results = Results("painting_rivals", options.out)
-    shape = (480, 640)
+    shape = (96, 128) if options.quick else (480, 640)
     scene, other = painting(shape, options.bands, seed=0), painting(shape, options.bands, seed=1)
     results(
         f"{options.pixels} pixels drawn from a painting of {shape[0]} x {shape[1]} pixels and {options.bands} bands,"
