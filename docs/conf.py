@@ -44,6 +44,8 @@ myst_heading_anchors = 4
 myst_dmath_double_inline = True
 math_numfig = True
 math_number_all = False
+# Curly quotes, but no dashes made of two hyphens: those are options.
+smartquotes_action = "qe"
 
 # Notebooks run while the site is built; an error in one ends the build. What has run is kept beside the site, and runs
 # again only if its cells have changed: delete the folder after a change of the code (.ci/run has none to begin with).
