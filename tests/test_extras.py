@@ -138,7 +138,7 @@ def test_the_extra_that_is_named_brings_the_package(package, extra):
     assert sentence is not None
     assert f"glazejax[{extra}]" in sentence
     assert any(entry.replace("-", "_").lower().startswith(package.lower()) for entry in EXTRAS[extra])
-    other = ("all", "cuda", "test", "benchmark", "release", "mutation")
+    other = ("all", "cuda", "test", "benchmark", "release", "mutation", "docs")
     assert f"[{','.join(e for e in EXTRAS if e not in other)}]" in EXTRAS["all"][0]
 
 

@@ -4,11 +4,15 @@ import re
 from pathlib import Path
 
 import pytest
+from benchmarks.results import Results, version_of
 
+import glazejax
 from glazefit.film.errors import MISFIT
 
 ROOT = Path(__file__).parents[1]
 RESULTS = ROOT / "benchmarks" / "results"
+BEHIND = 1
+"""Minor versions that a result may be older than the code."""
 
 
 def result(name: str) -> str:
@@ -183,6 +187,31 @@ def map_beside_rivals() -> str:
 def agreed() -> str:
     first, none = all_of(r"same first set ([\d.]+)%, same answer to 'none' ([\d.]+)%", result("painting"))
     return f"{first} % have the same first set and {none} % the same answer to 'none'"
+
+
+def behind(written: str, now: str) -> float:
+    """How many minor versions a result is older; another major version is more than any number of them."""
+    (major, minor), (ours, today) = (map(int, words.split(".")[:2]) for words in (written, now))
+    return today - minor if major == ours else float("inf")
+
+
+@pytest.mark.parametrize("path", sorted(RESULTS.glob("*.txt")), ids=lambda path: path.stem)
+def test_a_result_is_not_much_older_than_the_code(path):
+    written = version_of(path.read_text())
+    assert behind(written, glazejax.__version__) <= BEHIND, f"{path.name} is of {written}: run its benchmark again"
+
+
+def test_a_result_says_when_and_by_which_version_it_was_written(tmp_path, capsys):
+    results = Results("tried", tmp_path)
+    results("a line")
+    results.save()
+    text = (tmp_path / "tried.txt").read_text()
+    assert re.search(r"\nwritten \d{4}-\d\d-\d\d by glazejax \S+\n$", text)
+    assert "; Python 3" in text
+    assert version_of(text) == glazejax.__version__
+    assert version_of("a result of old") == "0.1.0"
+    assert behind("0.1.0", "0.3.0") == 2
+    assert behind("0.9.0", "1.0.0") > 100
 
 
 def test_none_grows_with_the_misfit_as_films_left_out_say():

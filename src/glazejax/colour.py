@@ -443,7 +443,12 @@ def bradford(white: Float[np.ndarray, "3"], seen: Float[np.ndarray, "3"]) -> Flo
 
 
 def delta_e_2000(lab1: Numbers, lab2: Numbers) -> Float[np.ndarray, "*batch"]:
-    """CIEDE2000 colour difference between Lab colours, (..., 3) each; NumPy only."""
+    """CIEDE2000 colour difference between Lab colours, (..., 3) each; NumPy only.
+
+    Example:
+        >>> round(float(delta_e_2000([50.0, 2.6772, -79.7751], [50.0, 0.0, -82.7485])), 4)
+        2.0425
+    """
     return ciede2000(np.asarray(lab1, float), np.asarray(lab2, float))
 
 

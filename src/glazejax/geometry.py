@@ -225,10 +225,14 @@ class Instrument:
 
     @classmethod
     def parse(cls, text: str, refractive_index: float = 1.5) -> "Instrument":
-        """The instrument of these words, such as ``Instrument.parse("45:0")``.
+        """The instrument of these words.
 
         Raises:
             ValueError: see `parse_geometry`.
+
+        Example:
+            >>> Instrument.parse("de:8").describe()
+            'an integrating sphere at 8°, specular excluded'
         """
         return cls(parse_geometry(text), refractive_index)
 

@@ -37,6 +37,13 @@ def reflectance(
         ValueError: the solver refuses `tolerance` or `method`, or a glaze with phase functions has an index that
             varies or is traced.
 
+    Example:
+        >>> from glazejax import Bidirectional, Layer, catalogue
+        >>> blue = catalogue.load()["CobaltBlue"]
+        >>> spectrum = reflectance(Glaze([Layer(blue, 1e-6)], 0.9), Bidirectional(45, 0))
+        >>> spectrum.shape, round(float(spectrum[0]), 2)
+        ((31,), 0.56)
+
     Source: paper A (Shinozawa et al. 2013), section 3.2.
     """
     phase = glaze.phase

@@ -139,6 +139,10 @@ def ground_from_air(
 
     Raises:
         ValueError: a reading below the surface's reflection or above that of a perfect diffuser, by more than .01.
+
+    Example:
+        >>> ground_from_air(np.array([0.05, 0.84])).round(2).tolist()
+        [0.03, 0.93]
     """
     instrument = resolve_instrument(None, geometry, refractive_index)
     within = np.asarray(bare, dtype=np.float64) - instrument.seen_surface

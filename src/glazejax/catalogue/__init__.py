@@ -158,7 +158,12 @@ def pigment(name: str, catalogue: str = "oils") -> Pigment:
 
 
 def family(name: str) -> str:
-    """The pigment of a paint of the catalogues, medium and maker aside; any other name is its own family."""
+    """The pigment of a paint of the catalogues, medium and maker aside; any other name is its own family.
+
+    Example:
+        >>> family("Eosin1Wax"), family("CobaltBlue")
+        ('Eosin', 'CobaltBlue')
+    """
     return _FAMILIES.get(name, name)
 
 

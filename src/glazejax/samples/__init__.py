@@ -39,7 +39,12 @@ def path(name: str = "films") -> Path:
 
 
 def recipes() -> dict[str, dict[str, float]]:
-    """What the films are made of: name of the film -> paint -> share of the paint's weight; the shares sum to 1."""
+    """What the films are made of: name of the film -> paint -> share of the paint's weight; the shares sum to 1.
+
+    Example:
+        >>> recipes()["14E"]
+        {'ChromeYellow': 0.898, 'BoneBlack': 0.102}
+    """
     found = {}
     for line in path("recipes").read_text(encoding="utf-8").splitlines():
         film, _, recipe = line.partition("\t")

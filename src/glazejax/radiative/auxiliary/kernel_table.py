@@ -95,7 +95,7 @@ class KernelTable:
 
     @property
     def toeplitz(self) -> Float[np.ndarray, "segments"]:
-        """First row of H (eq. (25)): H_ij = toeplitz[|i - j|], the kernel E_1 integrated over segment j."""
+        """First row of H (eq. (25)): ``H_ij = toeplitz[|i - j|]``, the kernel E_1 integrated over segment j."""
         # The segment's own integral is that of E_1 on both sides of its midpoint.
         return np.concatenate([2.0 * (1.0 - self.e2[:1]), self.e2[:-1] - self.e2[1:]])
 

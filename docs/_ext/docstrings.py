@@ -1,0 +1,88 @@
+"""Docstrings with the types of the code: as they are written there, so `Float[Array, "*batch bands"]` and `Numbers`."""
+
+import ast
+import inspect
+import re
+import textwrap
+from typing import Any
+
+from pygments.lexers.special import TextLexer
+from sphinx.application import Sphinx
+
+_SHORT = ("property", "attribute", "data")
+_kept: dict[str, list[str]] = {}
+
+
+def written_types(thing: Any) -> dict[str, str]:
+    """Parameter, or attribute of a class -> its type as the source has it; "return" is what comes back."""
+    try:
+        tree = ast.parse(textwrap.dedent(inspect.getsource(inspect.unwrap(thing)))).body[0]
+    except (OSError, TypeError, SyntaxError, IndexError):
+        return {}
+    found: dict[str, str] = {}
+    if isinstance(tree, ast.ClassDef):
+        for part in tree.body:
+            if isinstance(part, ast.AnnAssign) and isinstance(part.target, ast.Name):
+                found[part.target.id] = ast.unparse(part.annotation)
+        for part in tree.body:
+            if isinstance(part, ast.FunctionDef) and part.name == "__init__":
+                found |= {k: v for k, v in _of_function(part).items() if k != "return"}
+    elif isinstance(tree, ast.FunctionDef):
+        found = _of_function(tree)
+    # Quoted names are for Python alone.
+    return {name: re.sub(r"^(['\"])(.*)\1$", r"\2", words) for name, words in found.items()}
+
+
+def _of_function(tree: ast.FunctionDef) -> dict[str, str]:
+    given = [*tree.args.posonlyargs, *tree.args.args, *tree.args.kwonlyargs, tree.args.vararg, tree.args.kwarg]
+    found = {one.arg: ast.unparse(one.annotation) for one in given if one is not None and one.annotation is not None}
+    if tree.returns is not None:
+        found["return"] = ast.unparse(tree.returns)
+    return found
+
+
+def _list_attributes(app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
+    """A section `Attributes:` becomes a list; napoleon would make links of its names, to whatever is called so.
+
+    Of a property it would take what stands before a colon as its type.
+    """
+    if what in _SHORT:
+        _kept[name] = list(lines)
+    if "Attributes:" not in lines:
+        return
+    at = lines.index("Attributes:")
+    types = written_types(thing)
+    made = ["**Attributes**", ""]
+    end = at + 1
+    while end < len(lines) and (not lines[end] or lines[end].startswith(" ")):
+        line = lines[end]
+        if found := re.match(r" {4}(\w+(?:, \w+)*): (.*)", line):
+            kind = types.get(found[1].partition(",")[0])
+            made.append(f"* **{found[1]}**" + (f" (``{kind}``)" if kind else "") + f": {found[2]}")
+        else:
+            made.append(f"  {line.strip()}" if line.strip() else "")
+        end += 1
+    lines[at:end] = [*made, ""]
+
+
+def _add_types(app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
+    """After napoleon: a type for each parameter that the docstring describes, and for what comes back."""
+    if what in _SHORT:
+        lines[:] = _kept.pop(name, lines)
+    types = written_types(thing)
+    for at in range(len(lines) - 1, -1, -1):
+        if (found := re.match(r":param (\w+):", lines[at])) and found[1] in types:
+            lines.insert(at, f":type {found[1]}: ``{types[found[1]]}``")
+    if what in ("function", "method") and types.get("return", "None") != "None":
+        if lines and lines[-1] and not lines[-1].startswith((":", " ")):
+            lines.append("")
+        lines += [f":rtype: ``{types['return']}``", ""]
+
+
+def setup(app: Sphinx) -> dict[str, Any]:
+    """Called by Sphinx."""
+    app.setup_extension("sphinx.ext.autodoc")
+    app.connect("autodoc-process-docstring", _list_attributes, priority=400)
+    app.connect("autodoc-process-docstring", _add_types, priority=600)
+    app.add_lexer("rooms", TextLexer)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -1,0 +1,95 @@
+"""The site: `python -m sphinx -W -b html docs docs/_build/html`, with the extra `docs` installed.
+
+Everything comes from this repository: no font, script or style of another host is asked for (`_ext/offline.py` looks).
+Pages under reference/, results/ and project/ are made from the code, the result files and the texts of the repository
+when the site is built; they are not in git.
+"""
+
+import os
+import sys
+from importlib.metadata import version as installed
+from pathlib import Path
+
+HERE = Path(__file__).parent
+ROOT = HERE.parent
+sys.path[:0] = [str(HERE / "_ext"), str(ROOT)]
+
+from glazejax.plots import STYLE  # noqa: E402
+
+project = "glazejax"
+copyright = "the authors of glazejax, Apache-2.0"
+release = version = installed("glazejax")
+
+extensions = [
+    "myst_nb",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx_copybutton",
+    "sphinx_design",
+    # What is in _ext.
+    "mathml",
+    "pages_of_repository",
+    "docstrings",
+    "reference",
+    "results",
+    "gallery",
+    "offline",
+]
+exclude_patterns = ["_build", "_ext"]
+
+# Markdown, as the forge reads it too: links to headings are made as there.
+myst_enable_extensions = ["dollarmath", "colon_fence", "attrs_inline"]
+myst_heading_anchors = 4
+myst_dmath_double_inline = True
+math_numfig = True
+math_number_all = False
+
+# Notebooks run while the site is built; an error in one ends the build. What has run is kept beside the site, and runs
+# again only if its cells have changed: delete the folder after a change of the code (.ci/run has none to begin with).
+nb_execution_mode = "cache"
+nb_execution_cache_path = os.environ.get("GLAZEJAX_DOCS_CACHE", str(HERE / "_build" / "notebooks"))
+nb_execution_raise_on_error = True
+nb_execution_timeout = 600
+nb_execution_show_tb = True
+nb_merge_streams = True
+nb_ipywidgets_js = {}
+# As the commands do it: compiled programs are kept from one build to the next.
+os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(HERE / "_build" / "xla"))
+os.environ.setdefault("JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS", "0.1")
+os.environ.setdefault("JAX_LOGGING_LEVEL", "CRITICAL")
+# The look of the program's own pictures, without a line in each notebook.
+look = HERE / "_build" / "matplotlibrc"
+look.parent.mkdir(exist_ok=True)
+ours = {**STYLE, "figure.figsize": "7.0, 3.6", "figure.constrained_layout.use": True, "figure.dpi": 110}
+look.write_text("".join(f"{name}: {str(value).lstrip('#')}\n" for name, value in ours.items()))
+os.environ["MATPLOTLIBRC"] = str(look)
+
+toc_object_entries_show_parents = "hide"
+autodoc_member_order = "bysource"
+autodoc_typehints = "none"
+napoleon_google_docstring = True
+napoleon_numpy_docstring = False
+# A name in single backquotes is a link where it is one of ours, and code elsewhere.
+default_role = "py:obj"
+
+html_theme = "sphinx_book_theme"
+html_title = "glazejax"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_copy_source = False
+html_show_sourcelink = False
+html_last_updated_fmt = None
+html_theme_options = {
+    "show_navbar_depth": 1,
+    "use_download_button": False,
+    "use_fullscreen_button": False,
+    "home_page_in_toc": False,
+    "show_toc_level": 2,
+    # One search field, the one of the side bar.
+    "navbar_start": [],
+    "navbar_center": [],
+    "navbar_end": [],
+    "navbar_persistent": [],
+    "pygments_light_style": "tango",
+    "pygments_dark_style": "monokai",
+}
