@@ -17,7 +17,8 @@ sys.path[:0] = [str(HERE / "_ext"), str(ROOT)]
 from glazejax.plots import STYLE  # noqa: E402
 
 project = "glazejax"
-copyright = "the authors of glazejax, Apache-2.0"
+author = "the authors of glazejax"
+copyright = f"{author}, Apache-2.0"
 release = version = installed("glazejax")
 
 extensions = [
@@ -43,6 +44,8 @@ myst_heading_anchors = 4
 myst_dmath_double_inline = True
 math_numfig = True
 math_number_all = False
+# Curly quotes, but no dashes made of two hyphens: those are options.
+smartquotes_action = "qe"
 
 # Notebooks run while the site is built; an error in one ends the build. What has run is kept beside the site, and runs
 # again only if its cells have changed: delete the folder after a change of the code (.ci/run has none to begin with).
@@ -63,6 +66,9 @@ look.parent.mkdir(exist_ok=True)
 ours = {**STYLE, "figure.figsize": "7.0, 3.6", "figure.constrained_layout.use": True, "figure.dpi": 110}
 look.write_text("".join(f"{name}: {str(value).lstrip('#')}\n" for name, value in ours.items()))
 os.environ["MATPLOTLIBRC"] = str(look)
+# Commands in notebooks print as into a file: no colours, no moving lines.
+os.environ |= {"TERM": "dumb", "NO_COLOR": "1", "COLUMNS": "92"}
+os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
 
 toc_object_entries_show_parents = "hide"
 autodoc_member_order = "bysource"
@@ -85,6 +91,7 @@ html_theme_options = {
     "use_fullscreen_button": False,
     "home_page_in_toc": False,
     "show_toc_level": 2,
+    "content_footer_items": ["copyright.html"],
     # One search field, the one of the side bar.
     "navbar_start": [],
     "navbar_center": [],

@@ -1,6 +1,5 @@
-"""The directive `{gallery}`: pictures that the notebooks of this folder drew, each a link to its notebook."""
+"""The directive `{gallery}`: pictures that the notebooks of this page's list drew, each a link to its notebook."""
 
-from pathlib import PurePosixPath
 from typing import Any
 
 from docutils import nodes
@@ -22,11 +21,8 @@ class GalleryDirective(SphinxDirective):
 
 def _fill(app: Sphinx, doctree: nodes.document, name: str) -> None:
     for place in list(doctree.findall(Gallery)):
-        folder = PurePosixPath(name).parent
         made = nodes.container(classes=["gallery"])
-        for page in sorted(
-            page for page in app.env.found_docs if PurePosixPath(page).parent == folder and page != name
-        ):
+        for page in app.env.toctree_includes.get(name, []):
             # The last one shows most: earlier ones lead to it.
             pictures = [image for image in app.env.get_doctree(page).findall(nodes.image) if image.get("alt")]
             if not pictures:

@@ -15,7 +15,9 @@ def _inline(translator: Any, node: nodes.math) -> None:
 
 def _block(translator: Any, node: nodes.math_block) -> None:
     translator.body.append(translator.starttag(node, "div", CLASS="equation"))
-    translator.body.append(tex2mathml(node.astext(), as_block=True))
+    # Said again, since a style that lays out the block may take it away.
+    formula = tex2mathml(node.astext(), as_block=True)
+    translator.body.append(formula.replace("<math ", '<math displaystyle="true" ', 1))
     if node["number"]:
         number = get_node_equation_number(translator, node)
         translator.body.append(f'<span class="number">({number})')
