@@ -90,7 +90,7 @@ def _page(name: str, seen: dict[int, str]) -> str:
         rows.append((f":py:obj:`{public} <{home}>`", value))
         if home == f"{name}.{public}":
             bodies += _directive(name, public, value)
-    lines += [".. list-table::", "   :widths: 30 70", "   :class: names", ""]
+    lines += [".. list-table::", "   :widths: 38 62", "   :class: names", ""]
     for link, value in rows:
         described = _first_sentence(value) if inspect.isroutine(value) or not _is_plain(value) else ""
         lines += [f"   * - {link}", f"     - {described}"]
