@@ -1,4 +1,5 @@
 import csv
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -174,3 +175,19 @@ def test_titanium_white_hides_as_assumed():
     )
     luminance = [float(colour.xyz(white.wavelengths, film)[1]) for film in (black, card)]
     assert luminance[0] / luminance[1] == pytest.approx(0.98, abs=1e-3)
+
+
+def test_own_paints_are_read_as_those_that_ship(tmp_path: Path) -> None:
+    own = tmp_path / "mine.csv"
+    lines = [f"Night,{nm},{1000 + nm},{2000 - nm}" for nm in (400, 500, 600, 700)]
+    own.write_text("pigment,wavelength_nm,absorption,scattering\n" + "\n".join(lines) + "\n", encoding="utf-8")
+    mine = catalogue.read(own)
+    assert list(mine) == ["Night"]
+    np.testing.assert_allclose(mine["Night"].absorption, [1400, 1500, 1600, 1700])
+    with pytest.raises(KeyError, match="unknown pigment 'night blue'; nearest: 'Night'"):
+        mine["night blue"]
+
+
+def test_a_file_of_own_paints_that_is_not_there_is_said_in_a_line(tmp_path: Path) -> None:
+    with pytest.raises(FileNotFoundError, match=r"nowhere\.csv"):
+        catalogue.read(tmp_path / "nowhere.csv")

@@ -120,3 +120,13 @@ def test_where_pictures_may_go(tmp_path):
         plots.check_picture(tmp_path / "none" / "a.png")
     with pytest.raises(ValueError, match="is a folder: name a picture in it"):
         plots.check_picture(tmp_path)
+
+
+def test_a_layout_of_the_users_settings_moves_nothing(rendering, tmp_path):
+    from matplotlib import rc_context
+
+    with rc_context({"figure.constrained_layout.use": True}):
+        drawn = glaze_figure(rendering, ["Red", "Blue", "Nothing"], title="T", coat="Red 1 µm", marked=3)
+        assert drawn.get_layout_engine() is None
+        with plots.picture(tmp_path / "plain.png", 2, 1, layout=None) as plain:
+            assert plain.get_layout_engine() is None

@@ -34,6 +34,9 @@ STYLE: dict[Any, Any] = {
     "ytick.color": FAINT,
     "legend.frameon": False,
     "legend.fontsize": 8,
+    # Pictures say their own layout: one of the user's settings would move what is placed by hand, and warn.
+    "figure.constrained_layout.use": False,
+    "figure.autolayout": False,
 }
 _DPI = 110
 

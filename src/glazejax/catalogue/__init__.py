@@ -13,6 +13,7 @@ import difflib
 import hashlib
 from collections.abc import Iterator, Mapping
 from importlib.resources import as_file, files
+from pathlib import Path
 from typing import NamedTuple
 
 from ..paint.describe import format_length
@@ -127,6 +128,20 @@ def load(name: str = "oils") -> Catalogue:
     shipped = _known(name)
     with as_file(files(__name__).joinpath(shipped.file)) as path:
         return Catalogue(read_pigments(path, shipped.provenance))
+
+
+def read(path: str | Path) -> Catalogue:
+    """Paints of your own file, such as ``glazejax recover --into mine.csv`` writes it: as `load` gives those that ship.
+
+    Args:
+        path: a CSV with a line for each paint and wavelength: pigment, wavelength_nm, absorption and scattering in
+            1/m, and whatever else `glazejax recover` writes.
+
+    Raises:
+        FileNotFoundError: no such file.
+        ValueError: it is no table of paints; the message is one line and says why.
+    """
+    return Catalogue(read_pigments(path))
 
 
 def pigment(name: str, catalogue: str = "oils") -> Pigment:
