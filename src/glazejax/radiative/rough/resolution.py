@@ -14,11 +14,12 @@ LEAST_INDEX = 1.02
 FINEST = 1e-5
 """Smallest tolerance that is met."""
 
+# Worst errors of each: `python -m benchmarks.rough_surface`.
 _SIZES = (
-    (1e-2, Size(4, 5, 2.5, 24, 20, (24, 32))),
-    (1e-3, Size(5, 6, 2.5, 28, 28, (32, 40))),
-    (1e-4, Size(7, 8, 2.5, 32, 40, (56, 64))),
-    (1e-5, Size(9, 12, 2.5, 40, 56, (96, 112))),
+    (1e-2, Size(4, 5, 2.0, 20, 28, (8, 8))),
+    (1e-3, Size(5, 8, 2.0, 24, 28, (8, 8))),
+    (1e-4, Size(7, 12, 2.0, 32, 36, (12, 12))),
+    (1e-5, Size(9, 20, 2.5, 48, 48, (20, 20))),
 )
 
 
