@@ -85,7 +85,7 @@ def operators(index: float, roughness: float, size: Size) -> Operators:
     missing = whole - single.sum(axis=0) - fluxes @ entering / index**2
     constant = float(fluxes @ lost + index**2 * missing.sum())
     share = index**2 / max(constant, 1e-300)
-    back = single + share * missing[:, None] * missing
+    back = single + share * np.outer(missing, missing)
     enters = entering + share * lost[:, None] * missing
     leaves = index**2 * (whole - back.sum(axis=0))
     return Operators(index, nodes, back, leaves, AirTable(turn, np.column_stack([enters, lost])), constant)
