@@ -21,8 +21,8 @@ class Ports(NamedTuple):
     incidence: Float[Array, "*batch"]
     """T(i): the share of the beam's flux that reaches a black ground, over the refractive index n."""
     viewing: Float[Array, "*batch"]
-    """T(o), the same function of the viewing direction: n times the radiance that is seen of a ground of radiance one. For
-    the hemispherical reflectance n times the share of a Lambertian ground's flux that leaves."""
+    """T(o), the same function of the viewing direction: n times the radiance that is seen of a ground of radiance one.
+    For the hemispherical reflectance n times the share of a Lambertian ground's flux that leaves."""
     back: Float[Array, "*batch"]
     """S: the share of the ground's flux that comes back to it."""
 
