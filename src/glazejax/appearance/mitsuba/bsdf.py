@@ -14,9 +14,9 @@ import numpy as np
 from . import table
 from .coats import Axes, check_layer, ground_of, index_of, read_coats, varied
 from .device import DrJit, renderer
-from .lobes import Mirror
+from .lobes import Facets, Mirror
 from .parameters import Given, read
-from .surfaces import Smooth
+from .surfaces import Rough, Smooth
 from .table import Body, body_table
 
 # Room for a texture whose values are all alike: a table wants a range.
@@ -53,7 +53,8 @@ def _table(
         bands = glaze.wavelengths.size
         level = None if ground == "any" else ground_of(glaze) if ground == "own" else np.broadcast_to(ground, (bands,))
         level = None if level is None else np.asarray(level, float)
-        surface = Smooth(index_of(glaze))
+        index = index_of(glaze)
+        surface = Rough(index, roughness) if roughness > 0 else Smooth(index)
         return body_table(surface, glaze, layer, axes, level, mean_ground, tolerance)
 
 
@@ -101,7 +102,9 @@ class GlazeBSDF:
             given.tolerance,
         )
         self._body = DrJit(mi, dr).body(self.table)
-        self._surface = Mirror(mi, dr, self.table.surface.refractive_index) if given.gloss else None
+        above = self.table.surface
+        lobe = Facets(mi, dr, above) if isinstance(above, Rough) else Mirror(mi, dr, above.refractive_index)
+        self._surface = lobe if given.gloss else None
         flags = mi.BSDFFlags
         textured = any(x is not None for x in (self._thickness, self._fraction, self._ground))
         spatial = int(flags.SpatiallyVarying) if textured else 0
@@ -269,9 +272,7 @@ class _Bands:
             )
         self._mi, self._ends, self._mean = mi, (float(wavelengths[0]), float(wavelengths[-1])), float(values.mean())
         volume = np.ascontiguousarray(np.moveaxis(values, -1, 0)[..., None], np.float32)
-        self._texture = mi.Texture3f(
-            mi.TensorXf(volume), filter_mode=dr.FilterMode.Linear, wrap_mode=dr.WrapMode.Clamp
-        )
+        self._texture = mi.Texture3f(mi.TensorXf(volume), filter_mode=dr.FilterMode.Linear, wrap_mode=dr.WrapMode.Clamp)
         self._count = wavelengths.size
 
     def mean(self) -> float:
