@@ -141,7 +141,7 @@ def main() -> None:
     truth = stroke(options.size)
     results(f"Mitsuba {mi.__version__}, {mi.variant()}; {PAINT} on a ground of {GROUND}, with its gloss")
     results(
-        f"{options.size} x {options.size} texels, mean {truth.mean() * 1e6:.2f} um, at most {truth.max() * 1e6:.2f} um; "
+        f"{options.size} x {options.size} texels, mean {truth.mean() * 1e6:.2f}, most {truth.max() * 1e6:.2f} um; "
         f"three views of 128 x 128 pixels, 1024 samples; {options.steps} steps of one view, 16 samples, other seeds"
     )
     found = recover(mi, truth, steps=options.steps, told=results)
