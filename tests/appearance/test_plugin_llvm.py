@@ -15,7 +15,7 @@ GLAZES = [
     (BLUE, 0.0),
     (BLUE, 0.1),
     (BLUE, 0.5),
-    ("IvoryBlack:30um", 0.1),
+    ("BoneBlack:30um", 0.1),
     ("ZincWhite:40um", 0.5),
     ("Eosin:3um, ZincWhite:20um", 0.1),
     ("0.6*ChromeYellow+0.4*CobaltBlue:8um", 0.5),
