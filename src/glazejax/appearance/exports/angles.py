@@ -1,8 +1,6 @@
 """What a glaze looks like from all angles, in the linear RGB of a renderer: what the exports are fitted to."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -12,7 +10,7 @@ from ...paint.media import Glaze
 from ...radiative.common.fresnel import dielectric_reflectance
 from ...spectra import Grid, validate_wavelengths
 from ...stacks import Stack
-from ..glaze.solve import indices, on_grid
+from ..glaze.solve import indices, on_grid, planned_factor
 from ..glaze.table import GlazeTable, glaze_table
 from .rgb import Space, find_space, rgb_of_xyz
 
@@ -121,6 +119,17 @@ def body_spectra(
     """Reflectance factor without the surface's own reflection, light by eye, and its error."""
     table: GlazeTable = glaze_table(glaze, grid, tolerance=tolerance)
     return np.asarray(table.reflectance_factor(cosines[:, None], cosines), float), float(table.error)
+
+
+def pair_spectra(
+    glaze: Glaze,
+    cos_in: Float[np.ndarray, "pairs"],
+    cos_out: Float[np.ndarray, "pairs"],
+    roughness: float,
+    tolerance: float,
+) -> Float[np.ndarray, "pairs points bands"]:
+    """The same for pairs of angles, of a batch of glazes."""
+    return planned_factor(glaze, cos_in[:, None, None], cos_out[:, None, None], tolerance)
 
 
 def surface_share(cosines: Float[np.ndarray, "angles"], index: float, roughness: float) -> Float[np.ndarray, "angles"]:

@@ -73,7 +73,8 @@ class OpenPBRFit:
 
     def __repr__(self) -> str:
         e = self.errors
-        return f"OpenPBRFit(albedo {e.albedo:.2g}, rms {e.rms:.2g}, Delta E00 {e.sky:.2g} under a sky, {e.lamp:.2g} at 45°)"
+        seen = f"Delta E00 {e.sky:.2g} under a sky, {e.lamp:.2g} at 45 degrees"
+        return f"OpenPBRFit(albedo {e.albedo:.2g}, rms {e.rms:.2g}, {seen})"
 
 
 def fit_openpbr(

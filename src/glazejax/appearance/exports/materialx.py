@@ -94,7 +94,8 @@ def _told(fit: OpenPBRFit) -> tuple[OpenPBR, str, str]:
     words = (
         f"OpenPBR 1.1 fitted by glazejax to a computed glaze; {SPACES[truth.space].words}, {truth.light[0]}; layers as "
         f"in {fit.layering}. Remaining error: albedo {errors.albedo:.4f}, RMS of the reflectance factor "
-        f"{errors.rms:.4f}, mean Delta E 2000 {errors.sky:.2f} under an even sky and {errors.lamp:.2f} under a lamp at 45 degrees."
+        f"{errors.rms:.4f}, mean Delta E 2000 {errors.sky:.2f} under an even sky and {errors.lamp:.2f} under a lamp at "
+        "45 degrees."
     )
     return fit.material, truth.space, words
 
