@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from ..stacks import Stack
 
 _KINDS = ("openpbr", "textures", "measured")
+_LAYERINGS = ("materialx", "specification", "reciprocal")
 _USUAL = {"openpbr": "glaze.mtlx", "textures": "glaze-textures", "measured": "glaze.bsdf"}
 _GROUND, _INDEX = "0.9", 1.5
 
@@ -64,8 +65,9 @@ def export(
         str,
         typer.Option(
             metavar="NAME",
-            help="How your renderer puts OpenPBR's layers together: materialx (its node graph, most programs) or "
-            "specification (the coat absorbs along slanted paths, as in Arnold).",
+            help="How your renderer puts OpenPBR's layers together: materialx (its node graph, most programs), "
+            "specification (the coat absorbs along slanted paths) or reciprocal (layers weaken light on its way "
+            "in, too).",
         ),
     ] = "materialx",
     coat: Annotated[
@@ -196,8 +198,8 @@ def _check(to: str, layering: str, kind: str, of_maps: dict[str, Any]) -> None:
     """Refuse what cannot be meant, before anything is loaded."""
     if to not in _KINDS:
         raise ValueError(f"--to {to!r} is not known: choose {', '.join(_KINDS)}")
-    if layering not in ("materialx", "specification"):
-        raise ValueError(f"--layering {layering!r} is not known: choose materialx or specification")
+    if layering not in _LAYERINGS:
+        raise ValueError(f"--layering {layering!r} is not known: choose {', '.join(_LAYERINGS)}")
     if kind not in ("png", "exr"):
         raise ValueError(f"--format {kind!r} is not known: choose png or exr")
     told = [option for option, value in of_maps.items() if value is not None]

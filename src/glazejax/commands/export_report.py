@@ -59,8 +59,8 @@ def print_fit(console: Console, fit: "OpenPBRFit", path: Path) -> None:
         f"without the fit (base_color as seen straight on): albedo {plain.albedo:.3f}, Delta E {plain.sky:.2f} and "
         f"{plain.lamp:.2f}, RMS {plain.rms:.3f}",
     )
-    if material.coat_weight:
-        other = "specification" if fit.layering == "materialx" else "materialx"
+    if fit.layering != "materialx":
+        other = "materialx"
         there = fit.errors_with(other)
         _line(console, "note", f"in a program that layers as in {other}: Delta E {there.sky:.2f} and {there.lamp:.2f}")
     if fit.outside > _SOME:
@@ -68,6 +68,10 @@ def print_fit(console: Console, fit: "OpenPBRFit", path: Path) -> None:
         advice = "; --space acescg holds it" if truth.space == "lin_rec709" else ""
         _line(console, "note", f"{words} inside{advice}")
     _meaning(console)
+    if fit.layering != "reciprocal":
+        _line(
+            console, "", "Most of the RMS is light that comes in at a slant, which OpenPBR's layers let in unweakened."
+        )
 
 
 def print_textures(console: Console, found: "TextureSet", folder: Path) -> None:
@@ -115,10 +119,4 @@ def _errors(console: Console, title: str, errors: "Errors", where: str = "") -> 
 
 
 def _meaning(console: Console) -> None:
-    _line(
-        console,
-        "",
-        "Delta E is CIEDE2000, seen from 0 to 75 degrees: below 1 is hard to see. Most of the RMS is light that comes "
-        "in at a slant,",
-    )
-    _line(console, "", "which OpenPBR's layers let in unweakened.")
+    _line(console, "", "Delta E is CIEDE2000, seen from 0 to 75 degrees: below 1 is hard to see.")

@@ -21,6 +21,8 @@ _FIT_AZIMUTHS = (np.arange(3) + 0.5) * 60.0
 _STARTS = ((0.02, 0.9), (0.4, 0.9), (0.02, 0.4), (0.4, 0.4))
 # A coat must make the error smaller by this share of it, or it is left out.
 _WORTH = 0.02
+# Half a sum of squares that is nothing: a root mean square of 1e-6.
+_NOTHING = 1e-12
 _LEAST_TINT = 1e-3
 
 
@@ -98,7 +100,7 @@ def fit_openpbr(
         glaze: of one thickness a layer, a stack, or what `angular_colour` has computed (then all but `layering` and
             `coat` counts no more).
         wavelengths_nm, roughness, space, illuminant, observer, tolerance: see `angular_colour`.
-        layering: "materialx" (its node graph) or "specification".
+        layering: "materialx" (its node graph), "specification" or "reciprocal".
         coat: whether there is a coat, which absorbs above the body; if left out, where it makes the error smaller by
             2 %. As MaterialX puts layers together it never does.
 
@@ -109,7 +111,7 @@ def fit_openpbr(
         ValueError: an unknown layering, or what `angular_colour` refuses.
     """
     if layering not in LAYERINGS:
-        raise ValueError(f"layering is {layering!r}; choose {' or '.join(LAYERINGS)}")
+        raise ValueError(f"layering is {layering!r}; choose {', '.join(LAYERINGS)}")
     truth = glaze
     if not isinstance(truth, AngularColour):
         truth = angular_colour(
@@ -124,7 +126,7 @@ def fit_openpbr(
     cost, material = np.inf, OpenPBR()
     for coated in (False, True) if coat is None else (coat,):
         found_cost, found = _best(_Problem(truth, layering, coated))
-        if found_cost < cost * (1 - _WORTH) ** 2:
+        if found_cost < cost * (1 - _WORTH) ** 2 - _NOTHING:
             cost, material = found_cost, found
     naive = naive_openpbr(truth)
     seen = truth.body[truth.views, truth.views]

@@ -5,12 +5,15 @@ dielectric surface) and the coat (Fresnel reflection, absorption, darkening). Le
 transmission, thin film, fuzz, emission and anisotropy, which a fit of paint has no use for.
 
 OpenPBR defines its truth as light transport through slabs and leaves it to programs how near they come. Two ways are
-common, and `Layering` names them:
+common, and a third is better; `Layering` names them:
 
 - "materialx": the node graph of MaterialX 1.39, `libraries/bxdf/open_pbr_surface.mtlx`. A layer takes its albedo,
   towards the eye, from what lies below; the coat's colour is one factor for all angles.
 - "specification": the formulas that the specification suggests: the coat absorbs along refracted paths, and its
   darkening weighs a smooth base against a rough one.
+- "reciprocal": as the specification, but a layer takes its share on the light's way in as well as on the way out, so
+  that light and eye may be exchanged, as they may with paint: after C. Kelemen, L. Szirmay-Kalos, A microfacet based
+  coupled specular-matte BRDF model with importance sampling (2001).
 
 One thing is more exact here than in either program: albedos of the surface lobes are integrated from the same lobes
 with Fresnel's equations, where shaders take fits or tables with Schlick's approximation.
@@ -27,13 +30,13 @@ from typing import Literal, TypeAlias
 import numpy as np
 from jaxtyping import Float
 
-from ...radiative.common.fresnel import cos_refracted, dielectric_reflectance
-from .lobes import diffuse_factor, lobe_albedo, lobe_factor
+from ...radiative.common.fresnel import Either, cos_refracted, dielectric_reflectance
+from .lobes import SMOOTH, diffuse_factor, lobe_albedo, lobe_factor
 
-Layering: TypeAlias = Literal["materialx", "specification"]
+Layering: TypeAlias = Literal["materialx", "specification", "reciprocal"]
 Colour: TypeAlias = tuple[float, float, float]
 
-LAYERINGS = ("materialx", "specification")
+LAYERINGS = ("materialx", "specification", "reciprocal")
 _ZERO_TO_ONE = (
     "base_weight",
     "base_color",
@@ -87,9 +90,9 @@ class OpenPBR:
 
 def reflectance_factor(
     material: OpenPBR,
-    cos_in: Float[np.ndarray, "..."] | float,
-    cos_out: Float[np.ndarray, "..."] | float,
-    azimuth: Float[np.ndarray, "..."] | float = 90.0,
+    cos_in: Float[Either, "..."] | float,
+    cos_out: Float[Either, "..."] | float,
+    azimuth: Float[Either, "..."] | float = 90.0,
     *,
     layering: Layering = "materialx",
     gloss: bool = True,
@@ -107,7 +110,7 @@ def reflectance_factor(
     mu_in, mu_out, turn = np.broadcast_arrays(*(np.asarray(x, float) for x in (cos_in, cos_out, azimuth)))
     alpha, index = _base_surface(material)
     body = diffuse_factor(np.asarray(material.base_color, float), material.base_diffuse_roughness, mu_in, mu_out, turn)
-    base = material.base_weight * body * (1.0 - lobe_albedo(mu_out, alpha, index))[..., None]
+    base = material.base_weight * body * _let_through(mu_in, mu_out, alpha, index, layering)[..., None]
     if gloss:
         base = base + lobe_factor(mu_in, mu_out, turn, alpha, index)[..., None]
     if material.coat_weight == 0:
@@ -120,7 +123,7 @@ def reflectance_factor(
 
 
 def surface_albedo(
-    material: OpenPBR, cos_out: Float[np.ndarray, "..."] | float, *, layering: Layering = "materialx"
+    material: OpenPBR, cos_out: Float[Either, "..."] | float, *, layering: Layering = "materialx"
 ) -> Float[np.ndarray, "*batch 3"]:
     """Share of an even white sky that the surfaces reflect towards an angle, smooth or rough, (..., 3).
 
@@ -135,7 +138,7 @@ def surface_albedo(
 
 
 def directional_albedo(
-    material: OpenPBR, cos_out: Float[np.ndarray, "..."] | float, *, layering: Layering = "materialx"
+    material: OpenPBR, cos_out: Float[Either, "..."] | float, *, layering: Layering = "materialx"
 ) -> Float[np.ndarray, "*batch 3"]:
     """What is seen of an even white sky from an angle, the mirror reflection included, (..., 3)."""
     mu = np.asarray(cos_out, float)
@@ -148,18 +151,32 @@ def directional_albedo(
 
 
 def _through_coat(
-    material: OpenPBR, mu_in: Float[np.ndarray, "*batch"], mu_out: Float[np.ndarray, "*batch"], layering: Layering
+    material: OpenPBR, mu_in: Float[Either, "*batch"], mu_out: Float[Either, "*batch"], layering: Layering
 ) -> Float[np.ndarray, "*batch 3"]:
     """What the coat leaves of the base's reflectance factor, (..., 3)."""
     coat = material.coat_weight
     tint = np.asarray(material.coat_color, float)
-    albedo = lobe_albedo(mu_out, material.coat_roughness**2, material.coat_ior)[..., None]
+    through = _let_through(mu_in, mu_out, material.coat_roughness**2, material.coat_ior, layering)[..., None]
     darker = _darkening(material, mu_out, layering)
     if layering == "materialx":
-        return (1.0 - coat * albedo) * (1.0 - coat + coat * tint) * darker
+        return (1.0 - coat + coat * through) * (1.0 - coat + coat * tint) * darker
     # The coat's colour is the square of what it lets through straight down.
     path = sum(0.5 / cos_refracted(mu, material.coat_ior) for mu in (mu_in, mu_out))
-    return darker * (1.0 - coat + coat * (1.0 - albedo) * tint ** np.asarray(path)[..., None])
+    return darker * (1.0 - coat + coat * through * tint ** np.asarray(path)[..., None])
+
+
+def _let_through(
+    mu_in: Float[Either, "*batch"],
+    mu_out: Float[Either, "*batch"],
+    alpha: float,
+    index: float,
+    layering: Layering,
+) -> Float[Either, "*batch"]:
+    """Factor by which a surface weakens what lies below it."""
+    seen = 1.0 - lobe_albedo(mu_out, alpha, index)
+    if layering != "reciprocal":
+        return seen
+    return seen * (1.0 - lobe_albedo(mu_in, alpha, index)) / (1.0 - mean_albedo(alpha, index))
 
 
 def _base_surface(material: OpenPBR) -> tuple[float, float]:
@@ -174,9 +191,7 @@ def _base_surface(material: OpenPBR) -> tuple[float, float]:
     return float(roughness**2), float((1.0 + scaled) / (1.0 - scaled))
 
 
-def _darkening(
-    material: OpenPBR, mu_out: Float[np.ndarray, "*batch"], layering: Layering
-) -> Float[np.ndarray, "*batch 3"]:
+def _darkening(material: OpenPBR, mu_out: Float[Either, "*batch"], layering: Layering) -> Float[np.ndarray, "*batch 3"]:
     """Factor by which light thrown back inside the coat darkens the base."""
     index = material.coat_ior
     albedo = np.asarray(material.base_color, float)
@@ -185,7 +200,7 @@ def _darkening(
         inside = np.broadcast_to(1.0 - (1.0 - normal) / index**2, mu_out.shape)
     else:
         albedo = albedo * material.base_weight
-        rough = 1.0 - (1.0 - mean_fresnel(index)) / index**2
+        rough = 1.0 - (1.0 - mean_albedo(0.0, index)) / index**2
         base = dielectric_reflectance(mu_out, material.specular_ior)
         share = 1.0 + material.specular_weight * base * (material.specular_roughness - 1.0)
         smooth = dielectric_reflectance(mu_out, index)
@@ -196,8 +211,8 @@ def _darkening(
 
 
 @lru_cache(maxsize=64)
-def mean_fresnel(index: float) -> float:
-    """Reflectance of a smooth dielectric for light from all sides, the hemispherical mean of Fresnel's."""
-    nodes, weights = np.polynomial.legendre.leggauss(64)
+def mean_albedo(alpha: float, index: float) -> float:
+    """Reflectance of a dielectric's outer surface for light from all sides, the hemispherical mean."""
+    nodes, weights = np.polynomial.legendre.leggauss(64 if alpha < SMOOTH else 16)
     mu = 0.5 * (nodes + 1.0)
-    return float(np.sum(weights * mu * dielectric_reflectance(mu, index)))
+    return float(np.sum(weights * mu * lobe_albedo(mu, alpha, index)))
