@@ -160,11 +160,12 @@ def export(
     glaze = given.glaze()
     console = Console(highlight=False, soft_wrap=True)
     light = {"illuminant": illuminant, "observer": observer}
-    from ..appearance import exports
-
     if to == "openpbr":
+        from ..appearance.exports.fit import fit_openpbr
+        from ..appearance.exports.materialx import write_materialx
+
         with doing("computing all angles, then fitting"):
-            fit = exports.fit_openpbr(
+            fit = fit_openpbr(
                 glaze,
                 roughness=roughness,
                 space=space,
@@ -173,22 +174,26 @@ def export(
                 tolerance=tolerance,
                 **light,  # type: ignore[arg-type]
             )
-        exports.write_materialx(fit, path, overwrite=overwrite)
+        write_materialx(fit, path, overwrite=overwrite)
         report.print_stack(console, given, roughness)
         report.print_fit(console, fit, path)
     elif to == "textures":
+        from ..appearance.exports.textures import texture_set
+
         maps = _maps(glaze, layer, thickness_map, thickness_range, fraction_map, ground_map)
         width = None if pixel is None else options.read_length(pixel, "--pixel")
         with doing("computing colours where they are needed"):
-            textures = exports.texture_set(
+            textures = texture_set(
                 glaze, path, **maps, layer=layer - 1, roughness=roughness, coat=bool(coat), pixel=width, space=space,
                 delta_e=delta_e, kind=format, overwrite=overwrite, **light,
             )  # fmt: skip
         report.print_stack(console, given, roughness)
         report.print_textures(console, textures, path)
     else:
+        from ..appearance.exports.measured import write_measured
+
         with doing("computing all angles, then asking Mitsuba"):
-            table = exports.write_measured(glaze, path, roughness=roughness, tolerance=tolerance, overwrite=overwrite)
+            table = write_measured(glaze, path, roughness=roughness, tolerance=tolerance, overwrite=overwrite)
         report.print_stack(console, given, roughness)
         report.print_measured(console, table)
     console.print(f"done in {time.perf_counter() - started:.1f} s")

@@ -19,6 +19,9 @@ NODES = 8
 VIEWS = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
 """Degrees at which colours are compared, of light and of eye."""
 
+# No finer than this under a rough surface: a fit leaves more.
+_ROUGH_TOLERANCE = 1e-4
+
 
 @dataclass(frozen=True)
 class AngularColour:
@@ -117,6 +120,13 @@ def body_spectra(
     tolerance: float,
 ) -> tuple[Float[np.ndarray, "angles angles bands"], float]:
     """Reflectance factor without the surface's own reflection, light by eye, and its error."""
+    if roughness > 0:
+        # Paint is the same with light and eye exchanged: half of the pairs are enough.
+        one, other = np.triu_indices(cosines.size)
+        found = np.empty((cosines.size, cosines.size, grid.size))
+        found[one, other] = pair_spectra(glaze, cosines[one], cosines[other], roughness, tolerance)
+        found[other, one] = found[one, other]
+        return found, tolerance
     table: GlazeTable = glaze_table(glaze, grid, tolerance=tolerance)
     return np.asarray(table.reflectance_factor(cosines[:, None], cosines), float), float(table.error)
 
@@ -127,13 +137,32 @@ def pair_spectra(
     cos_out: Float[np.ndarray, "pairs"],
     roughness: float,
     tolerance: float,
-) -> Float[np.ndarray, "pairs points bands"]:
-    """The same for pairs of angles, of a batch of glazes."""
-    return planned_factor(glaze, cos_in[:, None, None], cos_out[:, None, None], tolerance)
+) -> Float[np.ndarray, "..."]:
+    """The same for pairs of angles, of a glaze (pairs, bands) or a batch of glazes."""
+    batch = (slice(None), *[None] * (glaze.albedo.ndim - 1))
+    if roughness > 0:
+        from ...radiative.rough.reflectance import rough_reflectance_factor
+
+        found = rough_reflectance_factor(
+            glaze.albedo,
+            glaze.optical_thickness,
+            glaze.substrate,
+            roughness=roughness,
+            refractive_index=glaze.refractive_index,
+            cos_incidence=cos_in[batch],
+            cos_viewing=cos_out[batch],
+            tolerance=max(tolerance, _ROUGH_TOLERANCE),
+        )
+        return np.asarray(found, float)
+    return planned_factor(glaze, cos_in[batch], cos_out[batch], tolerance)
 
 
 def surface_share(cosines: Float[np.ndarray, "angles"], index: float, roughness: float) -> Float[np.ndarray, "angles"]:
     """Directional-hemispherical reflectance of the outer surface alone."""
+    if roughness > 0:
+        from ...radiative.rough.surface import surface_albedo
+
+        return np.asarray(surface_albedo(cosines, roughness=roughness, refractive_index=index), float)
     return np.asarray(dielectric_reflectance(cosines, index), float)
 
 
