@@ -159,7 +159,7 @@ def export(
     given = _stack(stack, ground, refractive_index, pigments)
     glaze = given.glaze()
     console = Console(highlight=False, soft_wrap=True)
-    light = {"illuminant": illuminant, "observer": observer}
+    light: dict[str, Any] = {"illuminant": illuminant, "observer": observer}
     if to == "openpbr":
         from ..appearance.exports.fit import fit_openpbr
         from ..appearance.exports.materialx import write_materialx
@@ -169,10 +169,10 @@ def export(
                 glaze,
                 roughness=roughness,
                 space=space,
-                layering=layering,
+                layering=layering,  # pyright: ignore[reportArgumentType]
                 coat=coat,
                 tolerance=tolerance,
-                **light,  # type: ignore[arg-type]
+                **light,
             )
         write_materialx(fit, path, overwrite=overwrite)
         report.print_stack(console, given, roughness)

@@ -139,7 +139,8 @@ def pair_spectra(
     tolerance: float,
 ) -> Float[np.ndarray, "..."]:
     """The same for pairs of angles, of a glaze (pairs, bands) or a batch of glazes."""
-    batch = (slice(None), *[None] * (glaze.albedo.ndim - 1))
+    axes = max(glaze.albedo.ndim - 1, glaze.optical_thickness.ndim - 1, glaze.substrate.ndim)
+    batch = (slice(None), *[None] * axes)
     if roughness > 0:
         from ...radiative.rough.reflectance import rough_reflectance_factor
 

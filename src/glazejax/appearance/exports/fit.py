@@ -146,7 +146,7 @@ def naive_openpbr(truth: AngularColour) -> OpenPBR:
     straight = truth.weights.size
     colour = np.clip(truth.body[straight, straight], 0.0, 1.0)
     return OpenPBR(
-        base_color=_colour(colour),
+        base_color=colour_tuple(colour),
         specular_ior=truth.refractive_index,
         specular_roughness=float(np.sqrt(truth.roughness)),
     )
@@ -177,7 +177,8 @@ class _Problem:
     """Residuals of a material made of a vector: colour of the body, its roughness; colour of the coat, darkening."""
 
     def __init__(self, truth: AngularColour, layering: Layering, coated: bool):
-        self.truth, self.layering, self.coated = truth, layering, coated
+        self.truth, self.coated = truth, coated
+        self.layering: Layering = layering
         cosines = truth.cosines[truth.nodes]
         self.cos_in, self.cos_out = cosines[:, None, None], cosines[:, None]
         share = np.sqrt(2.0 * truth.weights * cosines)
@@ -188,7 +189,7 @@ class _Problem:
     def material(self, x: Float[np.ndarray, "unknowns"]) -> OpenPBR:
         index, rough = self.truth.refractive_index, float(np.sqrt(self.truth.roughness))
         x = np.clip(x, self.low, 1.0)
-        body: dict[str, Any] = {"base_color": _colour(x[:3]), "base_diffuse_roughness": float(x[3])}
+        body: dict[str, Any] = {"base_color": colour_tuple(x[:3]), "base_diffuse_roughness": float(x[3])}
         if not self.coated:
             return OpenPBR(**body, specular_ior=index, specular_roughness=rough)
         # Below the coat lies paint of the same index: there is no second surface.
@@ -197,7 +198,7 @@ class _Problem:
             specular_ior=index,
             specular_roughness=rough,
             coat_weight=1.0,
-            coat_color=_colour(x[4:7]),
+            coat_color=colour_tuple(x[4:7]),
             coat_roughness=rough,
             coat_ior=index,
             coat_darkening=float(x[7]),
@@ -239,6 +240,7 @@ def _rounded(material: OpenPBR) -> OpenPBR:
     return OpenPBR(**short)  # pyright: ignore[reportArgumentType]
 
 
-def _colour(values: Float[np.ndarray, "3"]) -> tuple[float, float, float]:
+def colour_tuple(values: Float[np.ndarray, "3"]) -> tuple[float, float, float]:
+    """A colour as `OpenPBR` takes it."""
     red, green, blue = (float(value) for value in values)
     return red, green, blue

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 from jaxtyping import Float
 
-from ...radiative.common.fresnel import Either, dielectric_reflectance
+from ...radiative.common.fresnel import dielectric_reflectance
 
 SMOOTH = 1e-4
 """Below this alpha a surface counts as a mirror."""
@@ -24,9 +24,9 @@ _NORMALS = 48
 def diffuse_factor(
     colour: Float[np.ndarray, "3"],
     roughness: float,
-    mu_in: Float[Either, "*batch"],
-    mu_out: Float[Either, "*batch"],
-    azimuth: Float[Either, "*batch"],
+    mu_in: Float[np.ndarray, "*batch"],
+    mu_out: Float[np.ndarray, "*batch"],
+    azimuth: Float[np.ndarray, "*batch"],
 ) -> Float[np.ndarray, "*batch 3"]:
     """Reflectance factor of the body: EON, Fujii's Oren-Nayar lobe with what it loses given back, (..., 3).
 
@@ -49,7 +49,7 @@ def diffuse_factor(
     return single[..., None] * colour + missing[..., None] * more
 
 
-def _fujii_albedo(mu: Float[Either, "*batch"], roughness: float) -> Float[Either, "*batch"]:
+def _fujii_albedo(mu: Float[np.ndarray, "*batch"], roughness: float) -> Float[np.ndarray, "*batch"]:
     """Directional albedo of the white lobe without what is given back."""
     sine = np.sqrt(np.maximum(0.0, 1.0 - mu**2))
     lobe = sine * (np.arccos(np.clip(mu, -1, 1)) - sine * mu) + 2.0 / 3.0 * (sine / mu * (1.0 - sine**3) - sine)
@@ -57,12 +57,12 @@ def _fujii_albedo(mu: Float[Either, "*batch"], roughness: float) -> Float[Either
 
 
 def lobe_factor(
-    mu_in: Float[Either, "*batch"],
-    mu_out: Float[Either, "*batch"],
-    azimuth: Float[Either, "*batch"],
+    mu_in: Float[np.ndarray, "*batch"],
+    mu_out: Float[np.ndarray, "*batch"],
+    azimuth: Float[np.ndarray, "*batch"],
     alpha: float,
     index: float,
-) -> Float[Either, "*batch"]:
+) -> Float[np.ndarray, "*batch"]:
     """Reflectance factor pi f of a rough dielectric's outer surface, (...); 0 for a smooth one, which is a mirror.
 
     GGX facets, heights correlated (Smith), Fresnel's equations at the facet, and what facets lose among themselves
@@ -79,7 +79,7 @@ def lobe_factor(
     return np.pi * density * fresnel * _both_seen(mu_in, mu_out, alpha) * (1.0 + fresnel * (1.0 - kept) / kept)
 
 
-def lobe_albedo(mu: Float[Either, "*batch"], alpha: float, index: float) -> Float[Either, "*batch"]:
+def lobe_albedo(mu: Float[np.ndarray, "*batch"], alpha: float, index: float) -> Float[np.ndarray, "*batch"]:
     """Directional albedo of `lobe_factor`, and of the mirror where the surface is smooth, (...)."""
     mu = np.asarray(mu, float)
     if index == 1.0:
@@ -89,12 +89,12 @@ def lobe_albedo(mu: Float[Either, "*batch"], alpha: float, index: float) -> Floa
     return _integrated(mu, alpha, index)
 
 
-def facet_albedo(mu: Float[Either, "*batch"], alpha: float) -> Float[Either, "*batch"]:
+def facet_albedo(mu: Float[np.ndarray, "*batch"], alpha: float) -> Float[np.ndarray, "*batch"]:
     """Directional albedo of facets that reflect everything, once: below 1 by what goes on to other facets."""
     return _integrated(mu, alpha, None)
 
 
-def _integrated(mu: Float[Either, "*batch"], alpha: float, index: float | None) -> Float[Either, "*batch"]:
+def _integrated(mu: Float[np.ndarray, "*batch"], alpha: float, index: float | None) -> Float[np.ndarray, "*batch"]:
     values, where = np.unique(mu, return_inverse=True)
     table = np.array([_one_albedo(float(value), alpha, index) for value in values])
     return table[where].reshape(np.shape(mu))
@@ -143,8 +143,8 @@ def _both_seen(mu_in, mu_out, alpha: float):
 
 
 def _cos_between(
-    mu_in: Float[Either, "*batch"], mu_out: Float[Either, "*batch"], azimuth: Float[Either, "*batch"]
-) -> Float[Either, "*batch"]:
+    mu_in: Float[np.ndarray, "*batch"], mu_out: Float[np.ndarray, "*batch"], azimuth: Float[np.ndarray, "*batch"]
+) -> Float[np.ndarray, "*batch"]:
     """Cosine of the angle between the directions towards the light and the eye."""
     sines = np.sqrt(np.maximum(0.0, 1.0 - mu_in**2)) * np.sqrt(np.maximum(0.0, 1.0 - mu_out**2))
     return mu_in * mu_out - sines * np.cos(np.deg2rad(azimuth))

@@ -103,7 +103,7 @@ def _in_mitsuba(table: GlazeTable, path: Path, grid: np.ndarray, gloss: bool) ->
         return None, 'Mitsuba is not installed: pip install "mitsuba>=3.5"'
     if mi.variant() is None:
         mi.set_variant(_VARIANT)
-    if "spectral" not in mi.variant():
+    if "spectral" not in str(mi.variant()):
         return None, f"Mitsuba's variant {mi.variant()} has no spectra"
     bands = np.unique(np.linspace(0, grid.size - 1, _BANDS).round().astype(int))
     body = {"type": "measured", "filename": str(path)}

@@ -25,12 +25,12 @@ scattering compensation for microfacet models (2019).
 
 from dataclasses import asdict, dataclass
 from functools import lru_cache
-from typing import Literal, TypeAlias
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from jaxtyping import Float
 
-from ...radiative.common.fresnel import Either, cos_refracted, dielectric_reflectance
+from ...radiative.common.fresnel import cos_refracted, dielectric_reflectance
 from .lobes import SMOOTH, diffuse_factor, lobe_albedo, lobe_factor
 
 Layering: TypeAlias = Literal["materialx", "specification", "reciprocal"]
@@ -83,16 +83,16 @@ class OpenPBR:
             if not np.all((values >= low) & (values <= high)):
                 raise ValueError(f"{name} is {getattr(self, name)}; OpenPBR takes {low:g} to {high:g} here")
 
-    def parameters(self) -> dict[str, float | Colour]:
+    def parameters(self) -> dict[str, Any]:
         """Name and value of every parameter."""
         return asdict(self)
 
 
 def reflectance_factor(
     material: OpenPBR,
-    cos_in: Float[Either, "..."] | float,
-    cos_out: Float[Either, "..."] | float,
-    azimuth: Float[Either, "..."] | float = 90.0,
+    cos_in: Float[np.ndarray, "..."] | float,
+    cos_out: Float[np.ndarray, "..."] | float,
+    azimuth: Float[np.ndarray, "..."] | float = 90.0,
     *,
     layering: Layering = "materialx",
     gloss: bool = True,
@@ -107,38 +107,41 @@ def reflectance_factor(
         gloss: with the reflection of rough surfaces; without, the body alone. A smooth surface is a mirror, which has
             no reflectance factor and is never in it.
     """
-    mu_in, mu_out, turn = np.broadcast_arrays(*(np.asarray(x, float) for x in (cos_in, cos_out, azimuth)))
+    given = np.broadcast_arrays(*(np.asarray(x, float) for x in (cos_in, cos_out, azimuth)))
+    mu_in, mu_out, turn = (np.atleast_1d(x) for x in given)
+    shape = (*given[0].shape, 3)
     alpha, index = _base_surface(material)
     body = diffuse_factor(np.asarray(material.base_color, float), material.base_diffuse_roughness, mu_in, mu_out, turn)
     base = material.base_weight * body * _let_through(mu_in, mu_out, alpha, index, layering)[..., None]
     if gloss:
         base = base + lobe_factor(mu_in, mu_out, turn, alpha, index)[..., None]
     if material.coat_weight == 0:
-        return base
+        return np.reshape(base, shape)
     found = base * _through_coat(material, mu_in, mu_out, layering)
     if gloss:
         lobe = lobe_factor(mu_in, mu_out, turn, material.coat_roughness**2, material.coat_ior)
         found = found + material.coat_weight * lobe[..., None]
-    return found
+    return np.reshape(found, shape)
 
 
 def surface_albedo(
-    material: OpenPBR, cos_out: Float[Either, "..."] | float, *, layering: Layering = "materialx"
+    material: OpenPBR, cos_out: Float[np.ndarray, "..."] | float, *, layering: Layering = "materialx"
 ) -> Float[np.ndarray, "*batch 3"]:
     """Share of an even white sky that the surfaces reflect towards an angle, smooth or rough, (..., 3).
 
     The base's surface under a coat takes the coat's colour, along the path of a mirror reflection.
     """
-    mu = np.asarray(cos_out, float)
+    shape = (*np.shape(cos_out), 3)
+    mu = np.atleast_1d(np.asarray(cos_out, float))
     found = np.repeat(lobe_albedo(mu, *_base_surface(material))[..., None], 3, axis=-1)
-    if material.coat_weight == 0:
-        return found
-    coat = material.coat_weight * lobe_albedo(mu, material.coat_roughness**2, material.coat_ior)
-    return coat[..., None] + found * _through_coat(material, mu, mu, layering)
+    if material.coat_weight > 0:
+        coat = material.coat_weight * lobe_albedo(mu, material.coat_roughness**2, material.coat_ior)
+        found = coat[..., None] + found * _through_coat(material, mu, mu, layering)
+    return np.reshape(found, shape)
 
 
 def directional_albedo(
-    material: OpenPBR, cos_out: Float[Either, "..."] | float, *, layering: Layering = "materialx"
+    material: OpenPBR, cos_out: Float[np.ndarray, "..."] | float, *, layering: Layering = "materialx"
 ) -> Float[np.ndarray, "*batch 3"]:
     """What is seen of an even white sky from an angle, the mirror reflection included, (..., 3)."""
     mu = np.asarray(cos_out, float)
@@ -151,7 +154,7 @@ def directional_albedo(
 
 
 def _through_coat(
-    material: OpenPBR, mu_in: Float[Either, "*batch"], mu_out: Float[Either, "*batch"], layering: Layering
+    material: OpenPBR, mu_in: Float[np.ndarray, "*batch"], mu_out: Float[np.ndarray, "*batch"], layering: Layering
 ) -> Float[np.ndarray, "*batch 3"]:
     """What the coat leaves of the base's reflectance factor, (..., 3)."""
     coat = material.coat_weight
@@ -161,17 +164,17 @@ def _through_coat(
     if layering == "materialx":
         return (1.0 - coat + coat * through) * (1.0 - coat + coat * tint) * darker
     # The coat's colour is the square of what it lets through straight down.
-    path = sum(0.5 / cos_refracted(mu, material.coat_ior) for mu in (mu_in, mu_out))
-    return darker * (1.0 - coat + coat * through * tint ** np.asarray(path)[..., None])
+    path = np.asarray(sum(0.5 / cos_refracted(mu, material.coat_ior) for mu in (mu_in, mu_out)), float)
+    return darker * (1.0 - coat + coat * through * tint ** path[..., None])
 
 
 def _let_through(
-    mu_in: Float[Either, "*batch"],
-    mu_out: Float[Either, "*batch"],
+    mu_in: Float[np.ndarray, "*batch"],
+    mu_out: Float[np.ndarray, "*batch"],
     alpha: float,
     index: float,
     layering: Layering,
-) -> Float[Either, "*batch"]:
+) -> Float[np.ndarray, "*batch"]:
     """Factor by which a surface weakens what lies below it."""
     seen = 1.0 - lobe_albedo(mu_out, alpha, index)
     if layering != "reciprocal":
@@ -191,7 +194,9 @@ def _base_surface(material: OpenPBR) -> tuple[float, float]:
     return float(roughness**2), float((1.0 + scaled) / (1.0 - scaled))
 
 
-def _darkening(material: OpenPBR, mu_out: Float[Either, "*batch"], layering: Layering) -> Float[np.ndarray, "*batch 3"]:
+def _darkening(
+    material: OpenPBR, mu_out: Float[np.ndarray, "*batch"], layering: Layering
+) -> Float[np.ndarray, "*batch 3"]:
     """Factor by which light thrown back inside the coat darkens the base."""
     index = material.coat_ior
     albedo = np.asarray(material.base_color, float)
@@ -204,7 +209,7 @@ def _darkening(material: OpenPBR, mu_out: Float[Either, "*batch"], layering: Lay
         base = dielectric_reflectance(mu_out, material.specular_ior)
         share = 1.0 + material.specular_weight * base * (material.specular_roughness - 1.0)
         smooth = dielectric_reflectance(mu_out, index)
-        inside = smooth + share * (rough - smooth)
+        inside = np.asarray(smooth + share * (rough - smooth), float)
     inside = inside[..., None]
     darker = (1.0 - inside) / (1.0 - albedo * inside)
     return 1.0 + material.coat_weight * material.coat_darkening * (darker - 1.0)

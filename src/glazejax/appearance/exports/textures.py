@@ -1,7 +1,7 @@
 """Sets of textures for Blender and game engines, of a glaze that changes from point to point."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from ...paint.media import MAX_THICKNESS, Glaze
 from ...spectra import Numbers, concrete
 from ...stacks import Stack
 from .angles import angular_colour, check_roughness
-from .fit import Errors, material_errors
+from .fit import Errors, colour_tuple, material_errors
 from .image_files import FORMATS, encoded_srgb, normals, write_image
 from .mapped import KINDS, MappedGlaze, mapped_colours
 from .materialx import Image, write_materialx
@@ -215,7 +215,7 @@ def _errors(
     """Largest errors at pixels from the darkest to the lightest, each a material of its own."""
     order = np.argsort(base @ np.array([0.3, 0.6, 0.1]))
     chosen = dict.fromkeys(order[np.linspace(0, len(order) - 1, _CHECKED).round().astype(int)].tolist())
-    found, given = [], material.parameters()
+    found = []
     for k in chosen:
         one = mapped.at(points[k : k + 1])
         layers = [type(layer)(_plain(layer.medium), np.asarray(layer.thickness).reshape(-1)[0]) for layer in one.layers]
@@ -227,9 +227,11 @@ def _errors(
             illuminant=light[0],
             observer=light[1],
         )
-        colours = {"base_color": tuple(base[k])} | ({} if coat is None else {"coat_color": tuple(coat[k])})
+        shown = replace(material, base_color=colour_tuple(base[k]))
+        if coat is not None:
+            shown = replace(shown, coat_color=colour_tuple(coat[k]))
         layering: Layering = "materialx" if coat is None else "specification"
-        found.append(material_errors(OpenPBR(**(given | colours)), truth, layering))
+        found.append(material_errors(shown, truth, layering))
     return Errors(*(float(max(column)) for column in zip(*found, strict=True)))
 
 
