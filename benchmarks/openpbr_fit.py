@@ -94,7 +94,24 @@ def _table(out: results.Results) -> None:
     for layering in LAYERINGS[1:]:
         ratio = [fits["materialx"].errors.rms / fits[layering].errors.rms for _, fits in rows]
         out(f"RMS of materialx over {layering}: {min(ratio):.2f} to {max(ratio):.2f}, median {np.median(ratio):.2f}")
+    _rough(out)
     out(f"a fit takes {np.median(seconds):.2f} s (median), {max(seconds):.2f} s (most), angles computed")
+
+
+def _rough(out: results.Results) -> None:
+    out()
+    out("a rough surface (alpha of GGX), the body by glazejax.radiative.rough: fits for materialx and for reciprocal")
+    out(f"{'stack':37}{'alpha':>6}" + f"{'albedo':>9}{'dE, sky':>8}{'lamp':>6}{'RMS':>8}" * 2)
+    for number in DRAWN:
+        name, *stack = STACKS[number]
+        for alpha in (0.1, 0.3):
+            truth = angular_colour(glaze(*stack), roughness=alpha, space="acescg")
+            line = f"{name:37}{alpha:6g}"
+            for layering in ("materialx", "reciprocal"):
+                e = fit_openpbr(truth, layering=layering).errors
+                line += f"{e.albedo:9.4f}{e.sky:8.2f}{e.lamp:6.2f}{e.rms:8.4f}"
+            out(line)
+    out()
 
 
 def _gains(out: results.Results, rows: list) -> None:

@@ -131,19 +131,12 @@ def test_reciprocal_layers_of_a_clear_coat_are_what_the_solver_computes(index):
 
 def test_a_material_is_found_again(truth):
     """What OpenPBR can show is fitted to nothing left."""
-    material = OpenPBR(base_color=(0.1, 0.6, 0.3), base_diffuse_roughness=0.25, specular_roughness=0.0)
-    turns = (np.arange(3) + 0.5) * 60.0
-    body = reflectance_factor(material, truth.cosines[:, None, None], truth.cosines[:, None], turns, gloss=False)
-    # Half the roughness's azimuth is lost with the mean, so that the mean itself must be met.
-    made = replace(truth, body=body.mean(axis=2))
-    flat = replace(made, body=np.broadcast_to((1 - truth.surface)[:, None] * (0.1, 0.6, 0.3), made.body.shape))
+    flat = replace(truth, body=np.broadcast_to((1 - truth.surface)[:, None] * (0.1, 0.6, 0.3), truth.body.shape))
     fit = fit_openpbr(flat)
     np.testing.assert_allclose(fit.material.base_color, (0.1, 0.6, 0.3), atol=2e-5)
     assert fit.material.base_diffuse_roughness < 1e-3
     assert fit.material.coat_weight == 0
     assert max(fit.errors) < 1e-2
-    rough = fit_openpbr(made)
-    assert 0.1 < rough.material.base_diffuse_roughness < 0.4
 
 
 @pytest.mark.parametrize("layering", ["specification", "reciprocal"])
