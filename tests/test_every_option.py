@@ -43,6 +43,11 @@ ENGINES = {
         "glazefit.film.simulate:simulate_films",
     ],
     "map": ["glazefit.mapping.map_cube:map_cube"],
+    "export": [
+        "glazejax.appearance.exports.fit:fit_openpbr",
+        "glazejax.appearance.exports.textures:texture_set",
+        "glazejax.appearance.exports.measured:write_measured",
+    ],
 }
 
 
@@ -94,6 +99,7 @@ USUAL = {
     "recipe": "--lab 50,20,30",
     "posterior": f"{FILMS} --sample one --paints CobaltBlue,ZincWhite --out found",
     "map": "cube.npy --wavelengths bands.txt --ground 0.5",
+    "export": "ZincWhite:5um,CobaltBlue:9um",
 }
 INSTRUMENT = {
     "--geometry": Reaches("--geometry d:0", geometry, Hemispherical(0.0)),
@@ -106,6 +112,7 @@ OLD_SPECULAR = {
     "--specular": Reaches("--no-specular", geometry, Hemispherical(8.0, specular=False)),
 }
 OWN_PAINTS = "--pigments paints.csv"
+TEXTURES = "ZincWhite:5um,CobaltBlue:9um --to textures --thickness-map thick.npy"
 BARE_CUBE, WHITE = "cube.npy --wavelengths bands.txt", "cube.npy --wavelengths bands.txt --ground 0.5 --white white.txt"
 TABLE: dict[str, dict[str, Reaches | Looked]] = {
     "render": {
@@ -142,6 +149,31 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--resample": Looked("test_convert.py:test_resampled_and_long"),
         "--long": Looked("test_convert.py:test_resampled_and_long"),
         "--overwrite": Looked("test_convert.py:test_existing_files_are_kept"),
+    },
+    "export": {
+        "stack": Reaches("Eosin:7um", lambda g: [x.medium.name for x in g["glaze"].layers], ["Eosin"], base=" "),
+        "--to": Reaches("--to measured", bool, True, engine="write_measured"),
+        "--out": Looked("appearance/test_exports_files.py:test_the_command_reads_a_stack_and_maps"),
+        "--ground": Reaches("--ground 0.3", lambda g: float(np.mean(g["glaze"].substrate)), 0.3),
+        "--refractive-index": Reaches("--refractive-index 1.4", lambda g: g["glaze"].refractive_index, 1.4),
+        "--roughness": Reaches("--roughness 0.2", lambda g: g["roughness"], 0.2),
+        "--space": Reaches("--space acescg", lambda g: g["space"], "acescg"),
+        "--illuminant": Reaches("--illuminant A", lambda g: g["illuminant"], "A"),
+        "--observer": Reaches("--observer 10", lambda g: g["observer"].startswith("CIE 1964"), True),
+        "--layering": Reaches("--layering reciprocal", lambda g: g["layering"], "reciprocal"),
+        "--coat": Reaches("--coat", lambda g: g["coat"], True),
+        "--thickness-map": Reaches("--thickness-map three.npy", lambda g: g["thickness"].shape, (1, 3), base=TEXTURES),
+        "--thickness-range": Reaches("--thickness-range 0-20um", lambda g: float(g["thickness"].max()),
+                                     pytest.approx(8e-6), base=TEXTURES),
+        "--fraction-map": Reaches("--fraction-map thick.npy", lambda g: g["fraction"] is not None, True, base=TEXTURES),
+        "--ground-map": Reaches("--ground-map thick.npy", lambda g: g["ground"] is not None, True, base=TEXTURES),
+        "--layer": Reaches("--layer 2", lambda g: g["layer"], 1, base=TEXTURES),
+        "--pixel": Reaches("--pixel 50um", lambda g: g["pixel"], pytest.approx(50e-6), base=TEXTURES),
+        "--format": Reaches("--format exr", lambda g: g["kind"], "exr", base=TEXTURES),
+        "--delta-e": Reaches("--delta-e 0.7", lambda g: g["delta_e"], 0.7, base=TEXTURES),
+        "--pigments": Reaches(OWN_PAINTS, lambda g: float(g["glaze"].layers[0].medium.absorption[0]), 1000.0),
+        "--tolerance": Reaches("--tolerance 0.001", lambda g: g["tolerance"], 0.001),
+        "--overwrite": Looked("appearance/test_exports_files.py:test_the_command_reads_a_stack_and_maps"),
     },
     "scene": {
         "file": Looked("appearance/test_scene_file.py:test_the_command_writes_a_picture_and_its_spectra"),
@@ -364,6 +396,8 @@ def _reach(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], Reached | No
     np.save("cube.npy", np.full((4, 5, GRID.size), 0.4, np.float32))
     np.save("other.npy", np.full((4, 5, GRID.size), 0.6, np.float32))
     np.savetxt("bands.txt", GRID)
+    np.save("thick.npy", np.array([[0.2, 0.4]]))
+    np.save("three.npy", np.array([[0.2, 0.4, 0.1]]))
     Path("corner.csv").write_text("0,0\n3,0\n0,3\n")
     np.savetxt("white.txt", np.full(GRID.size, 0.9))
     np.savetxt("dark.txt", np.full(GRID.size, 0.01))

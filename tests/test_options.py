@@ -61,6 +61,7 @@ VOCABULARY = {
     "recipe": "geometry refractive-index ground coat-thickness pigments only samples observer out csv overwrite seed",
     "scene": "out overwrite",
     "convert": "overwrite",
+    "export": "refractive-index ground pigments illuminant observer out overwrite",
 }
 HIDDEN = ("--hemispherical", "--incidence", "--viewing", "--specular ", "--no-specular", "--substrate", "--sphere")
 

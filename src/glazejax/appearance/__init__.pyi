@@ -1,4 +1,5 @@
 from . import display as display
+from . import exports as exports
 from . import glaze as glaze
 from . import interreflection as interreflection
 from . import metals as metals

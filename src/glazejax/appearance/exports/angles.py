@@ -1,0 +1,177 @@
+"""What a glaze looks like from all angles, in the linear RGB of a renderer: what the exports are fitted to."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from ...colour import CIE_1931, colour_weights, white_point
+from ...paint.media import Glaze
+from ...radiative.common.fresnel import dielectric_reflectance
+from ...spectra import Grid, validate_wavelengths
+from ...stacks import Stack
+from ..glaze.solve import indices, on_grid, planned_factor
+from ..glaze.table import GlazeTable, glaze_table
+from .rgb import Space, find_space, rgb_of_xyz
+
+NODES = 8
+"""Cosines of light and eye that integrals over the hemisphere are made of: Gauss's, right to 1e-6 of an albedo."""
+VIEWS = (0.0, 15.0, 30.0, 45.0, 60.0, 75.0)
+"""Degrees at which colours are compared, of light and of eye."""
+
+# No finer than this under a rough surface: a fit leaves more.
+_ROUGH_TOLERANCE = 1e-4
+
+
+@dataclass(frozen=True)
+class AngularColour:
+    """A glaze's reflectance factor between angles in linear RGB, with the surface's own reflection kept apart.
+
+    Attributes:
+        cosines: (angles,), of light and eye: Gauss's nodes, then those of `VIEWS`.
+        weights: (nodes,), of Gauss's nodes, for integrals over the cosine from 0 to 1.
+        body: (angles, angles, 3), light by eye: what comes out of the paint. It has no azimuth.
+        surface: (angles,), share that the outer surface reflects, directional-hemispherical.
+        refractive_index: of the paint, the mean over the bands.
+        roughness: alpha of the surface's GGX facets, 0 where it is smooth.
+        space: linear RGB, see `rgb.Space`.
+        light: illuminant and observer.
+        error: largest error of a reflectance factor that the table of angles has, as it estimates it.
+    """
+
+    cosines: Float[np.ndarray, "angles"]
+    weights: Float[np.ndarray, "nodes"]
+    body: Float[np.ndarray, "angles angles 3"]
+    surface: Float[np.ndarray, "angles"]
+    refractive_index: float
+    roughness: float
+    space: Space
+    light: tuple[str, str | int]
+    error: float
+
+    @property
+    def nodes(self) -> slice:
+        """Angles that are Gauss's nodes."""
+        return slice(0, self.weights.size)
+
+    @property
+    def views(self) -> slice:
+        """Angles that are those of `VIEWS`."""
+        return slice(self.weights.size, self.cosines.size)
+
+    def directional_albedo(self) -> Float[np.ndarray, "angles 3"]:
+        """What is seen of an even white sky from each angle, the surface's reflection included."""
+        lit = 2.0 * self.weights * self.cosines[self.nodes]
+        return np.einsum("iec,i->ec", self.body[self.nodes], lit) + self.surface[:, None]
+
+
+def angular_colour(
+    glaze: Glaze | Stack,
+    wavelengths_nm: Grid | None = None,
+    *,
+    roughness: float = 0.0,
+    space: str = "srgb",
+    illuminant: str = "D65",
+    observer: str | int = CIE_1931,
+    tolerance: float = 1e-4,
+) -> AngularColour:
+    """Compute a glaze's colour at all angles.
+
+    Args:
+        glaze: of one thickness a layer, or a stack (of a card its white half).
+        wavelengths_nm: (bands,); those of the paints if left out.
+        roughness: alpha of the surface, from 0 (smooth) to 1.
+        space: "srgb" (linear sRGB) or "acescg".
+        illuminant, observer: of the colours, see `glazejax.colour.colour_weights`; the illuminant's white becomes
+            the space's.
+        tolerance: absolute error wanted of a reflectance factor.
+
+    Raises:
+        ValueError: a roughness outside of 0 to 1, an unknown space, or what `glaze_table` and `colour_weights` refuse.
+    """
+    known = find_space(space)
+    check_roughness(roughness)
+    made = glaze.glaze() if isinstance(glaze, Stack) else glaze
+    grid = validate_wavelengths(made.wavelengths if wavelengths_nm is None else wavelengths_nm)
+    weights, white = colour_weights(grid, illuminant, observer), white_point(grid, illuminant, observer)
+    made = on_grid(made, grid)
+    nodes, steps = np.polynomial.legendre.leggauss(NODES)
+    cosines = np.concatenate([0.5 * (nodes + 1.0), np.cos(np.deg2rad(VIEWS))])
+    index = float(np.mean(np.asarray(indices(made, grid.size))))
+    spectra, error = body_spectra(made, grid, cosines, roughness, tolerance)
+    return AngularColour(
+        cosines,
+        0.5 * steps,
+        rgb_of_xyz(spectra @ weights, white, known),
+        surface_share(cosines, index, roughness),
+        index,
+        float(roughness),
+        known,
+        (illuminant, observer),
+        error,
+    )
+
+
+def body_spectra(
+    glaze: Glaze,
+    grid: Float[np.ndarray, "bands"],
+    cosines: Float[np.ndarray, "angles"],
+    roughness: float,
+    tolerance: float,
+) -> tuple[Float[np.ndarray, "angles angles bands"], float]:
+    """Reflectance factor without the surface's own reflection, light by eye, and its error."""
+    if roughness > 0:
+        # Paint is the same with light and eye exchanged: half of the pairs are enough.
+        one, other = np.triu_indices(cosines.size)
+        found = np.empty((cosines.size, cosines.size, grid.size))
+        found[one, other] = pair_spectra(glaze, cosines[one], cosines[other], roughness, tolerance)
+        found[other, one] = found[one, other]
+        return found, tolerance
+    table: GlazeTable = glaze_table(glaze, grid, tolerance=tolerance)
+    return np.asarray(table.reflectance_factor(cosines[:, None], cosines), float), float(table.error)
+
+
+def pair_spectra(
+    glaze: Glaze,
+    cos_in: Float[np.ndarray, "pairs"],
+    cos_out: Float[np.ndarray, "pairs"],
+    roughness: float,
+    tolerance: float,
+) -> Float[np.ndarray, "..."]:
+    """The same for pairs of angles, of a glaze (pairs, bands) or a batch of glazes."""
+    axes = max(glaze.albedo.ndim - 1, glaze.optical_thickness.ndim - 1, glaze.substrate.ndim)
+    batch = (slice(None), *[None] * axes)
+    if roughness > 0:
+        from ...radiative.rough.reflectance import rough_reflectance_factor
+
+        found = rough_reflectance_factor(
+            glaze.albedo,
+            glaze.optical_thickness,
+            glaze.substrate,
+            roughness=roughness,
+            refractive_index=glaze.refractive_index,
+            cos_incidence=cos_in[batch],
+            cos_viewing=cos_out[batch],
+            tolerance=max(tolerance, _ROUGH_TOLERANCE),
+        )
+        return np.asarray(found, float)
+    return planned_factor(glaze, cos_in[batch], cos_out[batch], tolerance)
+
+
+def surface_share(cosines: Float[np.ndarray, "angles"], index: float, roughness: float) -> Float[np.ndarray, "angles"]:
+    """Directional-hemispherical reflectance of the outer surface alone."""
+    if roughness > 0:
+        from ...radiative.rough.surface import surface_albedo
+
+        return np.asarray(surface_albedo(cosines, roughness=roughness, refractive_index=index), float)
+    return np.asarray(dielectric_reflectance(cosines, index), float)
+
+
+def check_roughness(roughness: float) -> None:
+    """Refuse what is no alpha.
+
+    Raises:
+        ValueError: it is outside of 0 to 1.
+    """
+    if not 0 <= roughness <= 1:
+        raise ValueError(f"roughness is {roughness}; it is alpha of GGX, from 0 (smooth) to 1")

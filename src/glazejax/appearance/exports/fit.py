@@ -1,0 +1,246 @@
+"""Parameters of OpenPBR whose light comes nearest to a computed glaze, and how near that is."""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from ...colour import CIE_1931
+from ...paint.media import Glaze
+from ...spectra import Grid
+from ...stacks import Stack
+from .angles import VIEWS, AngularColour, angular_colour
+from .openpbr import LAYERINGS, Layering, OpenPBR, directional_albedo, reflectance_factor
+from .rgb import delta_e, outside
+
+# Azimuths of the comparison, half of the circle at midpoints: OpenPBR's rough body has an azimuth, and paint has none.
+_AZIMUTHS = (np.arange(6) + 0.5) * 30.0
+_FIT_AZIMUTHS = (np.arange(3) + 0.5) * 60.0
+# Roughness of the body and tint of the coat to start from.
+_STARTS = ((0.02, 0.9), (0.4, 0.9), (0.02, 0.4), (0.4, 0.4))
+# A coat must make the error smaller by this share of it, or it is left out.
+_WORTH = 0.02
+# Half a sum of squares that is not worth a coat: a root mean square of 1e-4 in three channels.
+_NOTHING = 1.5e-8
+_LEAST_TINT = 1e-3
+
+
+class Errors(NamedTuple):
+    """How far a material is from the glaze.
+
+    The sky is even and white; colours are compared at `VIEWS`, 0 to 75 degrees.
+    """
+
+    albedo: float
+    """Largest difference of what is seen of the sky, in any channel, the surface's reflection included."""
+    rms: float
+    """Root mean square of the reflectance factor's difference, over all pairs of angles by their cosines, without the
+    surface's own reflection."""
+    sky: float
+    """Mean CIEDE2000 under the sky."""
+    sky_most: float
+    """Largest CIEDE2000 under the sky."""
+    lamp: float
+    """Mean CIEDE2000 under a lamp at 45 degrees, without the surface's own reflection."""
+    lamp_most: float
+    """Largest CIEDE2000 under that lamp."""
+
+
+@dataclass(frozen=True)
+class OpenPBRFit:
+    """What a fit found.
+
+    Attributes:
+        material: of OpenPBR, in the colour space of `truth`.
+        layering: what the material was fitted with; see `glazejax.appearance.exports.openpbr`.
+        truth: the computed glaze.
+        errors: of the material.
+        naive: what one would write without a fit: the colour seen straight on, and the index as it is.
+        naive_errors: of that.
+        outside: share of the glaze's colours, at pairs of `VIEWS`, that the space cannot hold.
+    """
+
+    material: OpenPBR
+    layering: Layering
+    truth: AngularColour
+    errors: Errors
+    naive: OpenPBR
+    naive_errors: Errors
+    outside: float
+
+    def errors_with(self, layering: Layering) -> Errors:
+        """Errors in a program that puts layers together in another way."""
+        return material_errors(self.material, self.truth, layering)
+
+    def __repr__(self) -> str:
+        e = self.errors
+        seen = f"Delta E00 {e.sky:.2g} under a sky, {e.lamp:.2g} at 45 degrees"
+        return f"OpenPBRFit(albedo {e.albedo:.2g}, rms {e.rms:.2g}, {seen})"
+
+
+def fit_openpbr(
+    glaze: Glaze | Stack | AngularColour,
+    wavelengths_nm: Grid | None = None,
+    *,
+    roughness: float = 0.0,
+    space: str = "srgb",
+    illuminant: str = "D65",
+    observer: str | int = CIE_1931,
+    layering: Layering = "materialx",
+    coat: bool | None = None,
+    tolerance: float = 1e-4,
+) -> OpenPBRFit:
+    """Fit OpenPBR to a glaze.
+
+    Body and coat are fitted: their colours, the body's roughness, and the coat's darkening. The surface is known: the
+    index is the paint's, and its roughness the square root of alpha, so that the mirror reflection stays right.
+
+    Args:
+        glaze: of one thickness a layer, a stack, or what `angular_colour` has computed (then all but `layering` and
+            `coat` counts no more).
+        wavelengths_nm, roughness, space, illuminant, observer, tolerance: see `angular_colour`.
+        layering: "materialx" (its node graph), "specification" or "reciprocal".
+        coat: whether there is a coat, which absorbs above the body; if left out, where it makes the error smaller by
+            2 %. As MaterialX puts layers together it never does.
+
+    Returns:
+        `OpenPBRFit`: least squares of the reflectance factor in linear RGB over all pairs of angles, by their cosines.
+
+    Raises:
+        ValueError: an unknown layering, or what `angular_colour` refuses.
+    """
+    if layering not in LAYERINGS:
+        raise ValueError(f"layering is {layering!r}; choose {', '.join(LAYERINGS)}")
+    truth = glaze
+    if not isinstance(truth, AngularColour):
+        truth = angular_colour(
+            truth,
+            wavelengths_nm,
+            roughness=roughness,
+            space=space,
+            illuminant=illuminant,
+            observer=observer,
+            tolerance=tolerance,
+        )
+    cost, material = np.inf, OpenPBR()
+    for coated in (False, True) if coat is None else (coat,):
+        found_cost, found = _best(_Problem(truth, layering, coated))
+        if found_cost < cost * (1 - _WORTH) ** 2 - _NOTHING:
+            cost, material = found_cost, found
+    naive = naive_openpbr(truth)
+    seen = truth.body[truth.views, truth.views]
+    return OpenPBRFit(
+        _rounded(material),
+        layering,
+        truth,
+        material_errors(_rounded(material), truth, layering),
+        naive,
+        material_errors(naive, truth, layering),
+        float(outside(seen).mean()),
+    )
+
+
+def naive_openpbr(truth: AngularColour) -> OpenPBR:
+    """What is written without a fit: the colour seen straight on, lit straight on, and the index as it is."""
+    straight = truth.weights.size
+    colour = np.clip(truth.body[straight, straight], 0.0, 1.0)
+    return OpenPBR(
+        base_color=colour_tuple(colour),
+        specular_ior=truth.refractive_index,
+        specular_roughness=float(np.sqrt(truth.roughness)),
+    )
+
+
+def material_errors(material: OpenPBR, truth: AngularColour, layering: Layering = "materialx") -> Errors:
+    """How far a material of OpenPBR is from a computed glaze."""
+    cosines = truth.cosines
+    seen = reflectance_factor(
+        material, cosines[:, None, None], cosines[:, None], _AZIMUTHS, layering=layering, gloss=False
+    )
+    lit = 2.0 * truth.weights * cosines[truth.nodes]
+    missed = (seen - truth.body[:, :, None])[truth.nodes, truth.nodes]
+    rms = np.sqrt(np.einsum("ioac,i,o->", missed**2, lit, lit) / missed.shape[2] / 3)
+    views = truth.views
+    sky = directional_albedo(material, cosines[views], layering=layering)
+    true_sky = truth.directional_albedo()[views]
+    lamp = truth.weights.size + VIEWS.index(45.0)
+    under_sky = delta_e(sky, true_sky, truth.space)
+    under_lamp = delta_e(seen[lamp, views].mean(axis=1), truth.body[lamp, views], truth.space)
+    return Errors(
+        *(float(np.max(np.abs(sky - true_sky))), float(rms), float(under_sky.mean()), float(under_sky.max())),
+        *(float(under_lamp.mean()), float(under_lamp.max())),
+    )
+
+
+class _Problem:
+    """Residuals of a material made of a vector: colour of the body, its roughness; colour of the coat, darkening."""
+
+    def __init__(self, truth: AngularColour, layering: Layering, coated: bool):
+        self.truth, self.coated = truth, coated
+        self.layering: Layering = layering
+        cosines = truth.cosines[truth.nodes]
+        self.cos_in, self.cos_out = cosines[:, None, None], cosines[:, None]
+        share = np.sqrt(2.0 * truth.weights * cosines)
+        self.share = share[:, None, None, None] * share[:, None, None] / np.sqrt(_FIT_AZIMUTHS.size)
+        self.body = truth.body[truth.nodes, truth.nodes][:, :, None]
+        self.low = np.array([0.0] * 4 + ([_LEAST_TINT] * 3 + [0.0] if coated else []))
+
+    def material(self, x: Float[np.ndarray, "unknowns"]) -> OpenPBR:
+        index, rough = self.truth.refractive_index, float(np.sqrt(self.truth.roughness))
+        x = np.clip(x, self.low, 1.0)
+        body: dict[str, Any] = {"base_color": colour_tuple(x[:3]), "base_diffuse_roughness": float(x[3])}
+        if not self.coated:
+            return OpenPBR(**body, specular_ior=index, specular_roughness=rough)
+        # Below the coat lies paint of the same index: there is no second surface.
+        return OpenPBR(
+            **body,
+            specular_ior=index,
+            specular_roughness=rough,
+            coat_weight=1.0,
+            coat_color=colour_tuple(x[4:7]),
+            coat_roughness=rough,
+            coat_ior=index,
+            coat_darkening=float(x[7]),
+        )
+
+    def residuals(self, x: Float[np.ndarray, "unknowns"]) -> Float[np.ndarray, "residuals"]:
+        seen = reflectance_factor(
+            self.material(x), self.cos_in, self.cos_out, _FIT_AZIMUTHS, layering=self.layering, gloss=False
+        )
+        return ((seen - self.body) * self.share).ravel()
+
+    def starts(self) -> list[Float[np.ndarray, "unknowns"]]:
+        """Points to start from, within the bounds."""
+        lit = 2.0 * self.truth.weights * self.truth.cosines[self.truth.nodes]
+        mean = np.clip(np.einsum("ioac,i,o->c", self.body, lit, lit), 0.02, 0.95)
+        if not self.coated:
+            return [np.array([*mean, rough]) for rough in dict.fromkeys(rough for rough, _ in _STARTS)]
+        return [np.array([*mean, rough, *([tint] * 3), 0.5]) for rough, tint in _STARTS]
+
+
+def _best(problem: _Problem) -> tuple[float, OpenPBR]:
+    """The best of all starts: its cost and material."""
+    from scipy.optimize import least_squares
+
+    found = [
+        least_squares(problem.residuals, start, bounds=(problem.low, np.ones(problem.low.size)))
+        for start in problem.starts()
+    ]
+    best = min(found, key=lambda one: one.cost)
+    return float(best.cost), problem.material(best.x)
+
+
+def _rounded(material: OpenPBR) -> OpenPBR:
+    """Without digits that no file needs: six behind the point, so that what is written is what was measured."""
+    short = {
+        name: tuple(round(v, 6) for v in value) if isinstance(value, tuple) else round(value, 6)
+        for name, value in material.parameters().items()
+    }
+    return OpenPBR(**short)  # pyright: ignore[reportArgumentType]
+
+
+def colour_tuple(values: Float[np.ndarray, "3"]) -> tuple[float, float, float]:
+    """A colour as `OpenPBR` takes it."""
+    red, green, blue = (float(value) for value in values)
+    return red, green, blue

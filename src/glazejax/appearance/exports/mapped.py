@@ -1,0 +1,205 @@
+"""Colours of a glaze that changes from pixel to pixel, as OpenPBR takes them: of the body, and of a coat above it.
+
+Which body comes nearest to the reflectance factor at all angles is a weighted mean of it, so that a spectrum, or its
+XYZ, goes through it as the reflectance does. These means are functions of the few numbers that differ between pixels;
+they are computed where that is needed, and interpolated for all pixels, as in `glazejax.picture`.
+"""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from ...colour import colour_weights, delta_e_2000, white_point, xyz_to_lab
+from ...interpolated import interpolated
+from ...paint.media import Glaze, Layer, Mixture
+from ...radiative.common.fresnel import cos_refracted
+from ...spectra import validate_wavelengths
+from ..glaze.solve import indices, on_grid
+from .angles import pair_spectra
+from .lobes import lobe_albedo
+from .rgb import Space, rgb_of_xyz
+
+KINDS = ("thickness", "fraction", "ground")
+"""What may be a map: thickness of a layer in m, share of its second paint, reflectance of the ground."""
+_SHARE = 0.9
+_SOLVER = 1e-5
+# Tints of a coat that are tried; between them their error is a parabola.
+_TINTS = np.exp(np.linspace(0.0, np.log(2e-3), 41))
+_AT_ONCE = 65536
+# Cosines of light and eye of the means: with 8 in place of 5 they change by less than 1e-3 of themselves.
+_NODES = 5
+
+
+class Colours(NamedTuple):
+    """What a map becomes.
+
+    Attributes:
+        plain: (points, 3), linear RGB of the body that comes nearest without a coat, not clipped.
+        base: (points, 3), linear RGB of the body, in [0, 1]; one colour where there is a coat.
+        coat: (points, 3), linear RGB in (0, 1], or None without a coat.
+        delta_e: estimated largest CIEDE2000 of the interpolation.
+        computed: number of glazes that were computed.
+    """
+
+    plain: Float[np.ndarray, "points 3"]
+    base: Float[np.ndarray, "points 3"]
+    coat: Float[np.ndarray, "points 3"] | None
+    delta_e: float
+    computed: int
+
+
+@dataclass(frozen=True)
+class MappedGlaze:
+    """A glaze some of whose numbers are maps; checked.
+
+    Attributes:
+        glaze: all else of it, without batch axes.
+        layer: number of the layer whose thickness or fraction changes, 0 the top one.
+        kinds: which of `KINDS` change.
+    """
+
+    glaze: Glaze
+    layer: int
+    kinds: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        if not 0 <= self.layer < len(self.glaze.layers):
+            raise ValueError(
+                f"layer is {self.layer}, but the glaze has {len(self.glaze.layers)} layers, the top one is number 0"
+            )
+        medium = self.glaze.layers[self.layer].medium
+        if "fraction" in self.kinds and not (isinstance(medium, Mixture) and len(medium.pigments) == 2):
+            raise ValueError(
+                f"layer {self.layer} is {medium.name!r}: a map of fractions needs a coat of two paints, such as "
+                "0.5*ZincWhite+0.5*CobaltBlue:20um"
+            )
+
+    def at(self, points: Float[np.ndarray, "points kinds"]) -> Glaze:
+        """The glaze at points, each with its values of `kinds`: a batch."""
+        given = dict(zip(self.kinds, np.asarray(points, float).T, strict=True))
+        layers = list(self.glaze.layers)
+        own = layers[self.layer]
+        medium, thickness = own.medium, given.get("thickness", own.thickness)
+        if "fraction" in given:
+            assert isinstance(medium, Mixture)
+            share = given["fraction"]
+            medium = Mixture(medium.pigments, np.stack([1.0 - share, share], axis=-1), medium.name)
+        layers[self.layer] = Layer(medium, thickness)
+        ground = given["ground"][:, None] if "ground" in given else self.glaze.substrate
+        return Glaze(layers, ground, self.glaze.refractive_index)
+
+
+def mapped_colours(
+    mapped: MappedGlaze,
+    points: Float[np.ndarray, "points kinds"],
+    *,
+    roughness: float,
+    space: Space,
+    light: tuple[str, str | int],
+    coat: bool,
+    delta_e: float,
+) -> Colours:
+    """Colours of OpenPBR's body, and of a coat, at points.
+
+    Args:
+        mapped: the glaze.
+        points: values of its `kinds`.
+        roughness: alpha of the surface.
+        space: linear RGB.
+        light: illuminant and observer.
+        coat: with a coat, which absorbs along refracted paths and does not darken.
+        delta_e: largest CIEDE2000 wanted of the interpolation.
+    """
+    grid = validate_wavelengths(mapped.glaze.wavelengths)
+    weights, white = colour_weights(grid, *light), white_point(grid, *light)
+    glaze = on_grid(mapped.glaze, grid)
+    inner = MappedGlaze(glaze, mapped.layer, mapped.kinds)
+    means = _Means(float(np.mean(np.asarray(indices(glaze, grid.size)))), roughness, coat)
+    tolerance = min(1e-3, _SOLVER * delta_e)
+    computed = 0
+
+    def seen(some: Float[np.ndarray, "some kinds"]) -> Float[np.ndarray, "some means xyz"]:
+        """XYZ of all means."""
+        nonlocal computed
+        computed += len(some)
+        spectra = pair_spectra(inner.at(some), means.cos_in, means.cos_out, roughness, tolerance)
+        return np.einsum("pab,kp,bc->akc", spectra, means.weights, weights, optimize=True)
+
+    def distance(one: Float[np.ndarray, "some means 3"], two: Float[np.ndarray, "some means 3"]):
+        labs = (np.asarray(xyz_to_lab(each, white)) for each in (one, two))
+        return delta_e_2000(*labs).max(axis=-1)
+
+    distinct, where = np.unique(points, axis=0, return_inverse=True)
+    varied = distinct.max(axis=0) > distinct.min(axis=0)
+    error = 0.0
+    if len(distinct) <= 64 or not varied.any():
+        values = seen(distinct)
+    else:
+        names = [kind for kind, varies in zip(mapped.kinds, varied, strict=True) if varies]
+        columns = dict(zip(names, distinct[:, varied].T, strict=True))
+
+        def function(**some: Float[np.ndarray, "some"]) -> Float[np.ndarray, "some means 3"]:
+            whole = np.repeat(distinct[:1], len(next(iter(some.values()))), axis=0)
+            whole[:, varied] = np.stack([some[name] for name in names], axis=1)
+            return seen(whole)
+
+        table = interpolated(
+            function,
+            {name: (column.min(), column.max()) for name, column in columns.items()},
+            tolerance=delta_e * _SHARE,
+            distance=distance,
+            samples=columns,
+        )
+        error = table.error
+        blocks = [{k: c[i : i + _AT_ONCE] for k, c in columns.items()} for i in range(0, len(distinct), _AT_ONCE)]
+        values = np.concatenate([np.asarray(table(**block), float) for block in blocks])
+    plain, base, tint = means.colours(rgb_of_xyz(values, white, space))
+    where = where.reshape(-1)
+    return Colours(plain[where], base[where], None if tint is None else tint[where], error, computed)
+
+
+class _Means:
+    """The weighted means over angles whose values say which body, and which coat, come nearest."""
+
+    def __init__(self, index: float, roughness: float, coat: bool):
+        nodes, steps = np.polynomial.legendre.leggauss(_NODES)
+        mu, lit = 0.5 * (nodes + 1.0), 0.5 * (nodes + 1.0) * steps
+        self.coat = coat
+        # Paint is the same with light and eye exchanged: half of the pairs are enough.
+        first, second = np.triu_indices(_NODES)
+        self.cos_in, self.cos_out = mu[first], mu[second]
+        seen = 1.0 - lobe_albedo(mu, roughness, index)
+        path = 0.5 / cos_refracted(mu, index)
+        tints = _TINTS if coat else np.ones(1)
+        # Of a white body below each tint: light by eye.
+        models = seen * tints[:, None, None] ** (path[:, None] + path)
+        share = lit[:, None] * lit
+        full = models * share
+        folded = full + np.swapaxes(full, 1, 2)
+        folded[:, range(_NODES), range(_NODES)] *= 0.5
+        self.total = full.sum(axis=(1, 2))
+        self.weights = folded[:, first, second] / self.total[:, None]
+        self.squares = (full * models).sum(axis=(1, 2)) / self.total
+
+    def colours(
+        self, means: Float[np.ndarray, "points means 3"]
+    ) -> tuple[Float[np.ndarray, "points 3"], Float[np.ndarray, "points 3"], Float[np.ndarray, "points 3"] | None]:
+        """Colours of the body alone, and of body and coat, from the means in linear RGB.
+
+        With a coat the body is the same everywhere, as light as the lightest point: bodies and coats that are free at
+        every point jump where one gives way to the other, and pictures of them may not be blended.
+        """
+        plain = means[:, 0] / self.squares[0]
+        if not self.coat:
+            return plain, np.clip(plain, 0.0, 1.0), None
+        held = np.clip(plain.max(axis=0), 1e-3, 1.0)
+        missed = self.total[:, None] * (held**2 * self.squares[:, None] - 2.0 * held * means)
+        best = np.clip(np.argmin(missed, axis=1), 1, _TINTS.size - 2)[:, None]
+        low, middle, high = (np.take_along_axis(missed, best + k, axis=1)[:, 0] for k in (-1, 0, 1))
+        bend = low - 2.0 * middle + high
+        step = np.where(bend > 0, 0.5 * (low - high) / np.where(bend > 0, bend, 1.0), 0.0)
+        # Where the best is at an end the parabola would leave it.
+        place = np.clip(best[:, 0] + np.clip(step, -1.0, 1.0), 0.0, _TINTS.size - 1.0)
+        return plain, np.broadcast_to(held, plain.shape), np.exp(np.log(_TINTS[1]) * place)

@@ -1,0 +1,106 @@
+"""A material as a MaterialX 1.39 file: the node `open_pbr_surface`, with numbers or pictures."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import NamedTuple
+from xml.etree import ElementTree as xml
+
+from ...io.outputs import check_output
+from .fit import OpenPBRFit
+from .openpbr import OpenPBR
+from .rgb import SPACES, find_space
+
+VERSION = "1.39"
+# Names of what OpenPBR fits are of, in MaterialX.
+_COLOURS = ("base_color", "coat_color")
+
+
+class Image(NamedTuple):
+    """A picture in place of a number."""
+
+    file: str
+    """Path as the file says it, relative to the file."""
+    colorspace: str = ""
+    """Such as ``srgb_texture``; empty for numbers that are no colours."""
+
+
+def write_materialx(
+    fit: OpenPBRFit | OpenPBR,
+    path: str | Path,
+    *,
+    name: str = "glaze",
+    space: str = "srgb",
+    images: Mapping[str, Image] | None = None,
+    normal: Image | None = None,
+    overwrite: bool = False,
+) -> Path:
+    """Write a material to a ``.mtlx`` file, valid MaterialX 1.39.
+
+    Args:
+        fit: of `fit_openpbr`, which knows its space and errors, or parameters alone.
+        path: file to write.
+        name: of the material: letters, digits and underscores, beginning with a letter.
+        space: of the colours, where `fit` is parameters alone.
+        images: pictures in place of parameters, by their names.
+        normal: a tangent-space normal map.
+        overwrite: replace the file if it exists.
+
+    Returns:
+        The path.
+
+    Raises:
+        ValueError: a path that does not end in .mtlx, or a name that MaterialX does not take.
+        FileExistsError, FileNotFoundError, IsADirectoryError: see `glazejax.io.outputs.check_output`.
+    """
+    path = Path(path)
+    if path.suffix.lower() != ".mtlx":
+        raise ValueError(f"{path}: a MaterialX file ends in .mtlx")
+    if not name.isidentifier() or not name.isascii() or name.startswith("_"):
+        raise ValueError(f"the material's name is {name!r}; use letters, digits and _, beginning with a letter")
+    path = check_output(path, overwrite=overwrite, switch="overwrite=True")
+    material, known, words = (fit, find_space(space), "") if isinstance(fit, OpenPBR) else _told(fit)
+    root = xml.Element("materialx", {"version": VERSION, "colorspace": known})
+    if words:
+        root.set("doc", words)
+    for parameter, image in (images or {}).items():
+        _image(root, f"{name}_{parameter}", "color3" if parameter in _COLOURS else "float", image)
+    if normal is not None:
+        _image(root, f"{name}_normal_picture", "vector3", normal)
+        node = xml.SubElement(root, "normalmap", {"name": f"{name}_normal", "type": "vector3"})
+        xml.SubElement(node, "input", {"name": "in", "type": "vector3", "nodename": f"{name}_normal_picture"})
+    shader = xml.SubElement(root, "open_pbr_surface", {"name": f"{name}_surface", "type": "surfaceshader"})
+    for parameter, value in material.parameters().items():
+        kind = "color3" if parameter in _COLOURS else "float"
+        given = {"name": parameter, "type": kind}
+        if parameter in (images or {}):
+            given["nodename"] = f"{name}_{parameter}"
+        else:
+            given["value"] = ", ".join(f"{number:.6g}" for number in (value if isinstance(value, tuple) else (value,)))
+        xml.SubElement(shader, "input", given)
+    if normal is not None:
+        for parameter in ("geometry_normal", "geometry_coat_normal"):
+            xml.SubElement(shader, "input", {"name": parameter, "type": "vector3", "nodename": f"{name}_normal"})
+    top = xml.SubElement(root, "surfacematerial", {"name": name, "type": "material"})
+    given = {"name": "surfaceshader", "type": "surfaceshader", "nodename": f"{name}_surface"}
+    xml.SubElement(top, "input", given)
+    xml.indent(root)
+    path.write_text('<?xml version="1.0"?>\n' + xml.tostring(root, encoding="unicode") + "\n", encoding="utf-8")
+    return path
+
+
+def _told(fit: OpenPBRFit) -> tuple[OpenPBR, str, str]:
+    """Material, space, and the errors in words, for the file's doc."""
+    errors, truth = fit.errors, fit.truth
+    words = (
+        f"OpenPBR 1.1 fitted by glazejax to a computed glaze; {SPACES[truth.space].words}, {truth.light[0]}; layers as "
+        f"in {fit.layering}. Remaining error: albedo {errors.albedo:.4f}, RMS of the reflectance factor "
+        f"{errors.rms:.4f}, mean Delta E 2000 {errors.sky:.2f} under an even sky and {errors.lamp:.2f} under a lamp at "
+        "45 degrees."
+    )
+    return fit.material, truth.space, words
+
+
+def _image(root: xml.Element, name: str, kind: str, image: Image) -> None:
+    node = xml.SubElement(root, "image", {"name": name, "type": kind})
+    given = {"name": "file", "type": "filename", "value": image.file}
+    xml.SubElement(node, "input", given | ({"colorspace": image.colorspace} if image.colorspace else {}))

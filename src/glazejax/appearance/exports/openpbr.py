@@ -1,0 +1,223 @@
+"""OpenPBR Surface 1.1 in numbers: what its parameters reflect between two directions, and over a hemisphere.
+
+Of the model these parts are here: the opaque dielectric base (an energy-preserving rough diffuse body, EON, under a
+dielectric surface) and the coat (Fresnel reflection, absorption, darkening). Left out are metal, subsurface,
+transmission, thin film, fuzz, emission and anisotropy, which a fit of paint has no use for.
+
+OpenPBR defines its truth as light transport through slabs and leaves it to programs how near they come. Two ways are
+common, and a third is better; `Layering` names them:
+
+- "materialx": the node graph of MaterialX 1.39, `libraries/bxdf/open_pbr_surface.mtlx`. A layer takes its albedo,
+  towards the eye, from what lies below; the coat's colour is one factor for all angles.
+- "specification": the formulas that the specification suggests: the coat absorbs along refracted paths, and its
+  darkening weighs a smooth base against a rough one.
+- "reciprocal": as the specification, but a layer takes its share on the light's way in as well as on the way out, so
+  that light and eye may be exchanged, as they may with paint: after C. Kelemen, L. Szirmay-Kalos, A microfacet based
+  coupled specular-matte BRDF model with importance sampling (2001).
+
+One thing is more exact here than in either program: albedos of the surface lobes are integrated from the same lobes
+with Fresnel's equations, where shaders take fits or tables with Schlick's approximation.
+
+Sources: OpenPBR Surface specification 1.1 (ASWF, 2024), "Layering", "Glossy-diffuse" and "Coat"; J. Portsmouth,
+P. Kutz, S. Hill, EON: a practical energy-preserving rough diffuse BRDF (2024); E. Turquin, Practical multiple
+scattering compensation for microfacet models (2019).
+"""
+
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from typing import Any, Literal, TypeAlias
+
+import numpy as np
+from jaxtyping import Float
+
+from ...radiative.common.fresnel import cos_refracted, dielectric_reflectance
+from .lobes import SMOOTH, diffuse_factor, lobe_albedo, lobe_factor
+
+Layering: TypeAlias = Literal["materialx", "specification", "reciprocal"]
+Colour: TypeAlias = tuple[float, float, float]
+
+LAYERINGS = ("materialx", "specification", "reciprocal")
+_ZERO_TO_ONE = (
+    "base_weight",
+    "base_color",
+    "base_diffuse_roughness",
+    "specular_weight",
+    "specular_roughness",
+    "coat_weight",
+    "coat_color",
+    "coat_roughness",
+    "coat_darkening",
+)
+_INDICES = ("specular_ior", "coat_ior")
+
+
+@dataclass(frozen=True)
+class OpenPBR:
+    """Parameters of OpenPBR that matter for paint, by the names and with the defaults of the specification.
+
+    Colours are linear RGB in a space of your choice, in [0, 1]; roughnesses are in [0, 1], and their squares are the
+    alpha of GGX; indices are in [1, 3].
+
+    Raises:
+        ValueError: a value is outside; the message names it.
+    """
+
+    base_weight: float = 1.0
+    base_color: Colour = (0.8, 0.8, 0.8)
+    base_diffuse_roughness: float = 0.0
+    specular_weight: float = 1.0
+    specular_roughness: float = 0.3
+    specular_ior: float = 1.5
+    coat_weight: float = 0.0
+    coat_color: Colour = (1.0, 1.0, 1.0)
+    coat_roughness: float = 0.0
+    coat_ior: float = 1.6
+    coat_darkening: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in (*_ZERO_TO_ONE, *_INDICES):
+            low, high = (1.0, 3.0) if name in _INDICES else (0.0, 1.0)
+            values = np.asarray(getattr(self, name), float)
+            if values.shape != ((3,) if name.endswith("color") else ()):
+                raise ValueError(f"{name} is {getattr(self, name)!r}; a colour has three numbers, all else one")
+            if not np.all((values >= low) & (values <= high)):
+                raise ValueError(f"{name} is {getattr(self, name)}; OpenPBR takes {low:g} to {high:g} here")
+
+    def parameters(self) -> dict[str, Any]:
+        """Name and value of every parameter."""
+        return asdict(self)
+
+
+def reflectance_factor(
+    material: OpenPBR,
+    cos_in: Float[np.ndarray, "..."] | float,
+    cos_out: Float[np.ndarray, "..."] | float,
+    azimuth: Float[np.ndarray, "..."] | float = 90.0,
+    *,
+    layering: Layering = "materialx",
+    gloss: bool = True,
+) -> Float[np.ndarray, "*batch 3"]:
+    """Reflectance factor pi f between two directions, (..., 3).
+
+    Args:
+        material: of OpenPBR.
+        cos_in, cos_out: cosines of the light's and the eye's angle from the normal, (...), above 0.
+        azimuth: between them, degrees, (...); 0 is the mirror side.
+        layering: how layers are put together, see the module.
+        gloss: with the reflection of rough surfaces; without, the body alone. A smooth surface is a mirror, which has
+            no reflectance factor and is never in it.
+    """
+    given = np.broadcast_arrays(*(np.asarray(x, float) for x in (cos_in, cos_out, azimuth)))
+    mu_in, mu_out, turn = (np.atleast_1d(x) for x in given)
+    shape = (*given[0].shape, 3)
+    alpha, index = _base_surface(material)
+    body = diffuse_factor(np.asarray(material.base_color, float), material.base_diffuse_roughness, mu_in, mu_out, turn)
+    base = material.base_weight * body * _let_through(mu_in, mu_out, alpha, index, layering)[..., None]
+    if gloss:
+        base = base + lobe_factor(mu_in, mu_out, turn, alpha, index)[..., None]
+    if material.coat_weight == 0:
+        return np.reshape(base, shape)
+    found = base * _through_coat(material, mu_in, mu_out, layering)
+    if gloss:
+        lobe = lobe_factor(mu_in, mu_out, turn, material.coat_roughness**2, material.coat_ior)
+        found = found + material.coat_weight * lobe[..., None]
+    return np.reshape(found, shape)
+
+
+def surface_albedo(
+    material: OpenPBR, cos_out: Float[np.ndarray, "..."] | float, *, layering: Layering = "materialx"
+) -> Float[np.ndarray, "*batch 3"]:
+    """Share of an even white sky that the surfaces reflect towards an angle, smooth or rough, (..., 3).
+
+    The base's surface under a coat takes the coat's colour, along the path of a mirror reflection.
+    """
+    shape = (*np.shape(cos_out), 3)
+    mu = np.atleast_1d(np.asarray(cos_out, float))
+    found = np.repeat(lobe_albedo(mu, *_base_surface(material))[..., None], 3, axis=-1)
+    if material.coat_weight > 0:
+        coat = material.coat_weight * lobe_albedo(mu, material.coat_roughness**2, material.coat_ior)
+        found = coat[..., None] + found * _through_coat(material, mu, mu, layering)
+    return np.reshape(found, shape)
+
+
+def directional_albedo(
+    material: OpenPBR, cos_out: Float[np.ndarray, "..."] | float, *, layering: Layering = "materialx"
+) -> Float[np.ndarray, "*batch 3"]:
+    """What is seen of an even white sky from an angle, the mirror reflection included, (..., 3)."""
+    mu = np.asarray(cos_out, float)
+    nodes, weights = np.polynomial.legendre.leggauss(16)
+    light = 0.5 * (nodes + 1.0)
+    turns = (np.arange(16) + 0.5) * (180.0 / 16)
+    body = reflectance_factor(material, light[:, None], mu[..., None, None], turns, layering=layering, gloss=False)
+    found = np.einsum("...iac,i->...c", body, weights * light) / turns.size
+    return found + surface_albedo(material, mu, layering=layering)
+
+
+def _through_coat(
+    material: OpenPBR, mu_in: Float[np.ndarray, "*batch"], mu_out: Float[np.ndarray, "*batch"], layering: Layering
+) -> Float[np.ndarray, "*batch 3"]:
+    """What the coat leaves of the base's reflectance factor, (..., 3)."""
+    coat = material.coat_weight
+    tint = np.asarray(material.coat_color, float)
+    through = _let_through(mu_in, mu_out, material.coat_roughness**2, material.coat_ior, layering)[..., None]
+    darker = _darkening(material, mu_out, layering)
+    if layering == "materialx":
+        return (1.0 - coat + coat * through) * (1.0 - coat + coat * tint) * darker
+    # The coat's colour is the square of what it lets through straight down.
+    path = np.asarray(sum(0.5 / cos_refracted(mu, material.coat_ior) for mu in (mu_in, mu_out)), float)
+    return darker * (1.0 - coat + coat * through * tint ** path[..., None])
+
+
+def _let_through(
+    mu_in: Float[np.ndarray, "*batch"],
+    mu_out: Float[np.ndarray, "*batch"],
+    alpha: float,
+    index: float,
+    layering: Layering,
+) -> Float[np.ndarray, "*batch"]:
+    """Factor by which a surface weakens what lies below it."""
+    seen = 1.0 - lobe_albedo(mu_out, alpha, index)
+    if layering != "reciprocal":
+        return seen
+    return seen * (1.0 - lobe_albedo(mu_in, alpha, index)) / (1.0 - mean_albedo(alpha, index))
+
+
+def _base_surface(material: OpenPBR) -> tuple[float, float]:
+    """Alpha and relative index of the base's surface, as the coat changes them."""
+    index, coat = material.specular_ior, material.coat_weight
+    # A coat of a higher index than the base would reflect totally here: both ways take the ratio that is above 1.
+    below = max(index / material.coat_ior, material.coat_ior / index)
+    ratio = index + coat * (below - index)
+    scaled = np.sqrt(min(material.specular_weight, 1.0)) * (ratio - 1.0) / (ratio + 1.0)
+    rough = min(1.0, material.specular_roughness**4 + 2.0 * material.coat_roughness**4) ** 0.25
+    roughness = material.specular_roughness + coat * (rough - material.specular_roughness)
+    return float(roughness**2), float((1.0 + scaled) / (1.0 - scaled))
+
+
+def _darkening(
+    material: OpenPBR, mu_out: Float[np.ndarray, "*batch"], layering: Layering
+) -> Float[np.ndarray, "*batch 3"]:
+    """Factor by which light thrown back inside the coat darkens the base."""
+    index = material.coat_ior
+    albedo = np.asarray(material.base_color, float)
+    if layering == "materialx":
+        normal = ((index - 1.0) / (index + 1.0)) ** 2
+        inside = np.broadcast_to(1.0 - (1.0 - normal) / index**2, mu_out.shape)
+    else:
+        albedo = albedo * material.base_weight
+        rough = 1.0 - (1.0 - mean_albedo(0.0, index)) / index**2
+        base = dielectric_reflectance(mu_out, material.specular_ior)
+        share = 1.0 + material.specular_weight * base * (material.specular_roughness - 1.0)
+        smooth = dielectric_reflectance(mu_out, index)
+        inside = np.asarray(smooth + share * (rough - smooth), float)
+    inside = inside[..., None]
+    darker = (1.0 - inside) / (1.0 - albedo * inside)
+    return 1.0 + material.coat_weight * material.coat_darkening * (darker - 1.0)
+
+
+@lru_cache(maxsize=64)
+def mean_albedo(alpha: float, index: float) -> float:
+    """Reflectance of a dielectric's outer surface for light from all sides, the hemispherical mean."""
+    nodes, weights = np.polynomial.legendre.leggauss(64 if alpha < SMOOTH else 16)
+    mu = 0.5 * (nodes + 1.0)
+    return float(np.sum(weights * mu * lobe_albedo(mu, alpha, index)))

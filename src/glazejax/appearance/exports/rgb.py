@@ -1,0 +1,74 @@
+"""Linear RGB of renderers: which space, from XYZ and back, and how much of a colour it cannot hold."""
+
+from functools import lru_cache
+from typing import Literal, NamedTuple, TypeAlias
+
+import numpy as np
+from jaxtyping import Float
+
+from ...colour import SRGB_PRIMARIES, SRGB_WHITE, bradford, delta_e_2000, xyz_to_lab
+
+Space: TypeAlias = Literal["lin_rec709", "acescg"]
+"""Names as MaterialX has them: linear sRGB, and the space of ACES for rendering."""
+
+
+class _Primaries(NamedTuple):
+    points: tuple[tuple[float, float], ...]
+    white: tuple[float, float]
+    words: str
+
+
+# S-2014-004 of the Academy (ACEScg): its primaries AP1 and its white, near D60.
+SPACES = {
+    "lin_rec709": _Primaries(SRGB_PRIMARIES, SRGB_WHITE, "linear sRGB"),
+    "acescg": _Primaries(((0.713, 0.293), (0.165, 0.83), (0.128, 0.044)), (0.32168, 0.33767), "ACEScg"),
+}
+
+
+def find_space(name: str) -> Space:
+    """The space of a name in any case; linear sRGB is also known as sRGB.
+
+    Raises:
+        ValueError: no such space.
+    """
+    key = name.strip().lower().replace(" ", "").replace("-", "_")
+    known = {"lin_rec709": "lin_rec709", "srgb": "lin_rec709", "linearsrgb": "lin_rec709", "acescg": "acescg"}
+    if key not in known:
+        raise ValueError(f"the colour space {name!r} is not known: choose srgb (linear sRGB) or acescg")
+    return known[key]  # pyright: ignore[reportReturnType]
+
+
+def rgb_of_xyz(
+    xyz: Float[np.ndarray, "*batch 3"], white: Float[np.ndarray, "3"], space: Space
+) -> Float[np.ndarray, "*batch 3"]:
+    """Linear RGB, (..., 3), not clipped, of XYZ seen under a white, which becomes (1, 1, 1)."""
+    to_xyz = _to_xyz(space)
+    adapt = bradford(np.asarray(white, float), to_xyz.sum(axis=1))
+    return np.asarray(xyz, float) @ (np.linalg.inv(to_xyz) @ adapt).T
+
+
+def lab_of_rgb(rgb: Float[np.ndarray, "*batch 3"], space: Space) -> Float[np.ndarray, "*batch 3"]:
+    """CIE Lab of linear RGB, (..., 3): the space's white is (100, 0, 0), and what is adapted is D65."""
+    to_xyz, screen = _to_xyz(space), _to_xyz("lin_rec709").sum(axis=1)
+    matrix = bradford(to_xyz.sum(axis=1), screen) @ to_xyz
+    return np.asarray(xyz_to_lab(np.asarray(rgb, float) @ matrix.T, screen), float)
+
+
+def delta_e(
+    one: Float[np.ndarray, "*batch 3"], two: Float[np.ndarray, "*batch 3"], space: Space
+) -> Float[np.ndarray, "*batch"]:
+    """CIEDE2000 between linear RGB colours, (...)."""
+    return delta_e_2000(lab_of_rgb(one, space), lab_of_rgb(two, space))
+
+
+def outside(rgb: Float[np.ndarray, "*batch 3"], slack: float = 5e-4) -> Float[np.ndarray, "*batch"]:
+    """1 where a colour lies outside of what the space holds, by more than rounding, else 0; (...)."""
+    return np.any((rgb < -slack) | (rgb > 1 + slack), axis=-1).astype(float)
+
+
+@lru_cache(maxsize=4)
+def _to_xyz(space: Space) -> Float[np.ndarray, "3 3"]:
+    """Matrix M such that ``M @ rgb`` is XYZ, Y = 1 for white."""
+    points, (x, y), _ = SPACES[space]
+    columns = np.array([[a, b, 1 - a - b] for a, b in points]).T
+    return columns * np.linalg.solve(columns, [x / y, 1.0, (1 - x - y) / y])

@@ -1,0 +1,292 @@
+"""Sets of textures for Blender and game engines, of a glaze that changes from point to point."""
+
+import json
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from ...colour import CIE_1931
+from ...extras import require
+from ...io.outputs import check_output
+from ...paint.media import MAX_THICKNESS, Glaze
+from ...spectra import Numbers, concrete
+from ...stacks import Stack
+from .angles import angular_colour, check_roughness
+from .fit import Errors, colour_tuple, material_errors
+from .image_files import FORMATS, encoded_srgb, normals, write_image
+from .mapped import KINDS, MappedGlaze, mapped_colours
+from .materialx import Image, write_materialx
+from .openpbr import Layering, OpenPBR
+from .rgb import SPACES, Space, delta_e, find_space, outside
+from .texture_words import SOCKETS, readme
+
+# Points of the map at which the whole material is held against the glaze, at all angles.
+_CHECKED = 5
+
+
+@dataclass(frozen=True)
+class TextureSet:
+    """What was written, and how near it is.
+
+    Attributes:
+        files: by what they are: ``base_color``, ``roughness``, ... , ``materialx``, ``json``, ``readme``.
+        material: of OpenPBR, for what has no picture.
+        interpolation: estimated largest CIEDE2000 between a pixel's colours and those computed for it alone.
+        outside: share of pixels whose base colour the space cannot hold.
+        clipped: largest CIEDE2000 of bringing these inside.
+        errors: of the material against the glaze at all angles, the largest of each at some pixels of the map.
+        computed: number of glazes that were computed.
+    """
+
+    files: dict[str, Path]
+    material: OpenPBR
+    interpolation: float
+    outside: float
+    clipped: float
+    errors: Errors
+    computed: int
+
+
+def texture_set(
+    glaze: Glaze | Stack,
+    folder: str | Path,
+    *,
+    thickness: Numbers | None = None,
+    fraction: Numbers | None = None,
+    ground: Numbers | None = None,
+    layer: int = 0,
+    roughness: float = 0.0,
+    coat: bool = False,
+    pixel: float | None = None,
+    space: str = "srgb",
+    illuminant: str = "D65",
+    observer: str | int = CIE_1931,
+    delta_e: float = 0.1,
+    kind: str = "png",
+    name: str = "glaze",
+    overwrite: bool = False,
+) -> TextureSet:
+    """Write textures for OpenPBR, MaterialX, Blender's Principled BSDF and game engines.
+
+    Args:
+        glaze: what does not change; or a stack, of a card its white half.
+        folder: for the files; made if it is missing.
+        thickness: (h, w), of `layer`, m.
+        fraction: (h, w), share of the second paint of `layer`, a mixture of two.
+        ground: (h, w), reflectance of the ground as seen from inside the paint.
+        layer: number of the layer that changes, 0 the top one.
+        roughness: alpha of the surface, 0 (smooth) to 1.
+        coat: one body of the lightest colour, and a picture of a coat that colours it, for programs that absorb along
+            refracted paths, such as Blender. A handle for artists: it comes no nearer than the base colour alone.
+        pixel: width of a pixel, m: writes height and normals of the thickness map too.
+        space: "srgb" or "acescg"; PNG holds sRGB only.
+        illuminant, observer: of the colours, see `glazejax.colour.colour_weights`.
+        delta_e: largest CIEDE2000 wanted between a pixel and the computation for it alone.
+        kind: "png" (16 bits a channel, base colour and coat encoded as sRGB) or "exr" (linear).
+        name: files begin with it; letters, digits and underscores, beginning with a letter.
+        overwrite: replace files that exist.
+
+    Raises:
+        ValueError: no map, maps of different shapes or out of range, or what `fit_openpbr` and `write_materialx`
+            refuse.
+        FileExistsError: a file exists.
+        ModuleNotFoundError: OpenEXR is not installed.
+    """
+    known = find_space(space)
+    check_roughness(roughness)
+    if kind not in FORMATS:
+        raise ValueError(f"kind is {kind!r}; choose {' or '.join(FORMATS)}")
+    if kind == "png" and known != "lin_rec709":
+        raise ValueError("PNG holds sRGB: write kind='exr' for ACEScg")
+    if kind == "exr":
+        require("OpenEXR")
+    if not 0 < delta_e < 100:
+        raise ValueError(f"delta_e is {delta_e}; it must be positive, such as 0.1")
+    maps = _checked_maps({"thickness": thickness, "fraction": fraction, "ground": ground}, pixel)
+    made = glaze.glaze() if isinstance(glaze, Stack) else glaze
+    mapped = MappedGlaze(made, layer, tuple(maps))
+    files = _files(Path(folder), name, kind, coat, pixel is not None, overwrite)
+    points = np.stack([values.reshape(-1) for values in maps.values()], axis=1)
+    light = (illuminant, observer)
+    found = mapped_colours(mapped, points, roughness=roughness, space=known, light=light, coat=coat, delta_e=delta_e)
+    base, wrong = found.base, outside(found.plain) > 0
+    material = _material(mapped, roughness, coat)
+    errors = _errors(mapped, points, base, found.coat, material, roughness, known, light)
+    result = TextureSet(
+        files,
+        material,
+        found.delta_e,
+        float(wrong.mean()),
+        float(_difference(found.plain[wrong], np.clip(found.plain[wrong], 0.0, 1.0), known).max(initial=0.0)),
+        errors,
+        found.computed,
+    )
+    pictures = {"base_color": base, **({"coat_color": found.coat} if found.coat is not None else {})}
+    shape = next(iter(maps.values())).shape
+    files["base_color"].parent.mkdir(parents=True, exist_ok=True)
+    for what, values in pictures.items():
+        shown = encoded_srgb(values) if kind == "png" else values
+        write_image(files[what], shown.reshape(*shape, 3), encoded=True)
+    write_image(files["roughness"], np.full(shape, np.sqrt(roughness)))
+    told: dict[str, Any] = {}
+    if pixel is not None:
+        low, high = float(maps["thickness"].min()), float(maps["thickness"].max())
+        span = (high - low) or 1.0
+        write_image(files["height"], (maps["thickness"] - low) / span)
+        write_image(files["normal"], normals(maps["thickness"], pixel))
+        told["height"] = {"black_m": low, "white_m": high, "pixel_m": pixel}
+    _write_words(result, known, light, kind, told)
+    return result
+
+
+def _checked_maps(given: dict[str, Numbers | None], pixel: float | None) -> dict[str, Float[np.ndarray, "h w"]]:
+    """Maps as arrays, by `KINDS`."""
+    maps = {}
+    for kind in KINDS:
+        if given[kind] is None:
+            continue
+        values = concrete(given[kind])  # pyright: ignore[reportArgumentType]
+        if values is None or values.ndim != 2 or values.size == 0:
+            raise ValueError(f"the map of {kind} must be a picture of numbers, (h, w)")
+        values = np.asarray(values, float)
+        most = MAX_THICKNESS if kind == "thickness" else 1.0
+        if not np.all((values >= 0) & (values <= most)):
+            unit = " m (20 micrometres are 20e-6)" if kind == "thickness" else ""
+            raise ValueError(
+                f"the map of {kind} goes from {values.min():g} to {values.max():g}; it must lie in 0 to {most:g}{unit}"
+            )
+        maps[kind] = values
+    if not maps:
+        raise ValueError("textures need a map that says what changes: thickness, fraction or ground, (h, w)")
+    shapes = {kind: values.shape for kind, values in maps.items()}
+    if len(set(shapes.values())) > 1:
+        raise ValueError("maps differ in shape: " + ", ".join(f"{kind} {shape}" for kind, shape in shapes.items()))
+    if pixel is not None and "thickness" not in maps:
+        raise ValueError("height and normals are those of a thickness map: give one, or leave out the pixel's width")
+    if pixel is not None and not 0 < pixel < 1:
+        raise ValueError(f"pixel is {pixel}; it is a pixel's width in metres, such as 50e-6")
+    return maps
+
+
+def _files(folder: Path, name: str, kind: str, coat: bool, relief: bool, overwrite: bool) -> dict[str, Path]:
+    """Where everything goes, if it may."""
+    pictures = ["base_color", "roughness"] + (["coat_color"] if coat else []) + (["height", "normal"] if relief else [])
+    files = {what: folder / f"{name}_{what}.{kind}" for what in pictures}
+    files |= {"materialx": folder / f"{name}.mtlx", "json": folder / f"{name}.json", "readme": folder / "README.txt"}
+    if folder.is_dir():
+        for path in files.values():
+            check_output(path, overwrite=overwrite, switch="overwrite=True")
+    elif folder.exists():
+        raise FileExistsError(f"{folder} is a file; name a folder")
+    elif not folder.parent.is_dir():
+        raise FileNotFoundError(f"{folder}: the folder {folder.parent} does not exist")
+    return files
+
+
+def _material(mapped: MappedGlaze, roughness: float, coat: bool) -> OpenPBR:
+    """What has no picture."""
+    index, rough = float(np.mean(np.asarray(mapped.glaze.refractive_index))), float(np.sqrt(roughness))
+    plain = OpenPBR(specular_ior=index, specular_roughness=rough)
+    if not coat:
+        return plain
+    return OpenPBR(
+        specular_ior=index,
+        specular_roughness=rough,
+        coat_weight=1.0,
+        coat_ior=index,
+        coat_roughness=rough,
+        coat_darkening=0.0,
+    )
+
+
+def _errors(
+    mapped: MappedGlaze,
+    points: Float[np.ndarray, "points kinds"],
+    base: Float[np.ndarray, "points 3"],
+    coat: Float[np.ndarray, "points 3"] | None,
+    material: OpenPBR,
+    roughness: float,
+    space: Space,
+    light: tuple[str, str | int],
+) -> Errors:
+    """Largest errors at pixels from the darkest to the lightest, each a material of its own."""
+    order = np.argsort(base @ np.array([0.3, 0.6, 0.1]))
+    chosen = dict.fromkeys(order[np.linspace(0, len(order) - 1, _CHECKED).round().astype(int)].tolist())
+    found = []
+    for k in chosen:
+        one = mapped.at(points[k : k + 1])
+        layers = [type(layer)(_plain(layer.medium), np.asarray(layer.thickness).reshape(-1)[0]) for layer in one.layers]
+        ground = np.asarray(one.substrate)
+        truth = angular_colour(
+            Glaze(layers, ground.reshape(-1)[0] if ground.size == 1 else ground.reshape(-1), one.refractive_index),
+            roughness=roughness,
+            space=space,
+            illuminant=light[0],
+            observer=light[1],
+        )
+        shown = replace(material, base_color=colour_tuple(base[k]))
+        if coat is not None:
+            shown = replace(shown, coat_color=colour_tuple(coat[k]))
+        layering: Layering = "materialx" if coat is None else "specification"
+        found.append(material_errors(shown, truth, layering))
+    return Errors(*(float(max(column)) for column in zip(*found, strict=True)))
+
+
+def _plain(medium: Any) -> Any:
+    """A paint or mixture without a batch axis."""
+    weights = getattr(medium, "weights", None)
+    if weights is None or np.ndim(weights) == 1:
+        return medium
+    return type(medium)(medium.pigments, np.asarray(weights)[0], medium.name)
+
+
+def _difference(
+    one: Float[np.ndarray, "points 3"], two: Float[np.ndarray, "points 3"], space: Space
+) -> Float[np.ndarray, "points"]:
+    return delta_e(one, two, space) if len(one) else np.zeros(0)
+
+
+def _write_words(
+    result: TextureSet, space: Space, light: tuple[str, str | int], kind: str, told: dict[str, Any]
+) -> None:
+    """The MaterialX file, the JSON and the text that say what goes where."""
+    files, pictures = result.files, [what for what in result.files if what in SOCKETS]
+    colour = "srgb_texture" if kind == "png" else space
+    images = {what: Image(files[what].name, colour) for what in ("base_color", "coat_color") if what in files}
+    rough = Image(files["roughness"].name)
+    images |= {"specular_roughness": rough} | ({"coat_roughness": rough} if "coat_color" in files else {})
+    write_materialx(
+        result.material,
+        files["materialx"],
+        name=files["json"].stem,
+        space=space,
+        images=images,
+        normal=Image(files["normal"].name) if "normal" in files else None,
+        overwrite=True,
+    )
+    record = {
+        "glazejax": "textures",
+        "version": 1,
+        "light": {"illuminant": light[0], "observer": str(light[1])},
+        "space": SPACES[space].words,
+        "textures": {
+            what: {
+                "file": files[what].name,
+                "colour": what in ("base_color", "coat_color"),
+                "encoded": "sRGB" if kind == "png" and what in ("base_color", "coat_color") else "linear",
+                "blender": SOCKETS[what],
+            }
+            for what in pictures
+        },
+        "values": result.material.parameters(),
+        "delta_e_2000_interpolation": result.interpolation,
+        "share_outside_gamut": result.outside,
+        "delta_e_2000_clipped": result.clipped,
+        "largest_errors_at_some_pixels": result.errors._asdict(),
+        **told,
+    }
+    files["json"].write_text(json.dumps(record, indent=1) + "\n", encoding="utf-8")
+    files["readme"].write_text(readme(result.material, files, record), encoding="utf-8")

@@ -1,0 +1,285 @@
+"""The command ``glazejax export``: a stack in; a material, textures or a table for another program out."""
+
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from . import options
+
+if TYPE_CHECKING:
+    import numpy as np
+    from jaxtyping import Float
+
+    from ..paint.media import Glaze
+    from ..stacks import Stack
+
+_KINDS = ("openpbr", "textures", "measured")
+_LAYERINGS = ("materialx", "specification", "reciprocal")
+_USUAL = {"openpbr": "glaze.mtlx", "textures": "glaze-textures", "measured": "glaze.bsdf"}
+_GROUND, _INDEX = "0.9", 1.5
+
+
+def register(app: typer.Typer) -> None:
+    """Add the command `export` to the application."""
+    app.command("export")(export)
+
+
+def export(
+    stack: Annotated[
+        str,
+        typer.Argument(
+            metavar="STACK",
+            help='Coats from top to bottom, "UltramarineBlue:3um, ZincWhite:20um", as `glazejax render --layers` takes '
+            "them, or a JSON file of the studio or of --write-stack.",
+        ),
+    ],
+    to: Annotated[
+        str,
+        typer.Option(
+            metavar="KIND",
+            help="openpbr: parameters fitted to the stack, in a MaterialX file. textures: pictures for Blender and "
+            "game engines, of a map. measured: a table for Mitsuba's plugin of that name.",
+        ),
+    ] = "openpbr",
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            "--out",
+            "-o",
+            metavar="PATH",
+            help="File .mtlx or .bsdf, or the folder for textures. Default: glaze.mtlx, glaze.bsdf or glaze-textures.",
+            show_default=False,
+        ),
+    ] = None,
+    ground: Annotated[str | None, options.ground_option(_GROUND)] = None,
+    refractive_index: options.RefractiveIndex = _INDEX,
+    roughness: Annotated[
+        float, typer.Option(help="Roughness of the surface, alpha of GGX: 0 (smooth) to 1; OpenPBR writes its root.")
+    ] = 0.0,
+    space: Annotated[str, typer.Option(metavar="NAME", help="Linear RGB of the colours: srgb or acescg.")] = "srgb",
+    illuminant: options.Illuminant = "D65",
+    observer: options.Observer = "2",
+    layering: Annotated[
+        str,
+        typer.Option(
+            metavar="NAME",
+            help="How your renderer puts OpenPBR's layers together: materialx (its node graph, most programs), "
+            "specification (the coat absorbs along slanted paths) or reciprocal (layers weaken light on its way "
+            "in, too).",
+        ),
+    ] = "materialx",
+    coat: Annotated[
+        bool | None,
+        typer.Option(
+            "--coat/--no-coat", help="With a coat or without. Default: where it comes nearer.", show_default=False
+        ),
+    ] = None,
+    thickness_map: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Thickness of a coat from point to point: .npy in metres, or a grey picture from 0 (black) to the "
+            "coat's own thickness (white).",
+            show_default=False,
+        ),
+    ] = None,
+    thickness_range: Annotated[
+        str | None,
+        typer.Option(
+            metavar="RANGE", help="Thickness of 0 and 1 in --thickness-map, such as 0-20um.", show_default=False
+        ),
+    ] = None,
+    fraction_map: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="Share of the second paint of a mixed coat, 0 to 1: .npy or grey.", show_default=False
+        ),
+    ] = None,
+    ground_map: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Reflectance of the ground, 0 to 1: .npy or grey.", show_default=False),
+    ] = None,
+    layer: Annotated[int, typer.Option(metavar="N", help="Coat that the maps are of, 1 the top one.")] = 1,
+    pixel: Annotated[
+        str | None,
+        typer.Option(
+            metavar="LENGTH",
+            help="Width of a pixel of the map, such as 50um: writes height and normals of the paint too.",
+            show_default=False,
+        ),
+    ] = None,
+    format: Annotated[str, typer.Option(metavar="NAME", help="Textures as png (16 bits) or exr.")] = "png",
+    delta_e: Annotated[
+        float, typer.Option("--delta-e", help="Largest Delta E 2000 that textures may add by interpolation.")
+    ] = 0.1,
+    pigments: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Your own paints beside the catalogue's: a pigments.csv as `glazejax recover` writes it.",
+            show_default=False,
+        ),
+    ] = None,
+    tolerance: Annotated[float, typer.Option(help="Largest error of a reflectance that you accept.")] = 1e-4,
+    overwrite: options.Overwrite = False,
+) -> None:
+    """Bring a stack of coats into a renderer or a game engine, and say what is lost.
+
+    OpenPBR knows no layers that scatter: what it shows comes near, and
+    the report says how near, in Delta E 2000 (below 1 is hard to see) and
+    in reflectance, beside what you would get without a fit.
+
+    Example: glazejax export "UltramarineBlue:3um, ZincWhite:20um"
+    """
+    started = time.perf_counter()
+    from rich.console import Console
+
+    from .main import start_jax
+
+    of_maps = {
+        "--thickness-map": thickness_map,
+        "--fraction-map": fraction_map,
+        "--ground-map": ground_map,
+        "--thickness-range": thickness_range,
+        "--pixel": pixel,
+    }
+    _check(to, layering, format, of_maps)
+    path = Path(_USUAL[to]) if out is None else out
+    if to != "textures":
+        files = {"--out": path} | ({"the XML of --out": path.with_suffix(".xml")} if to == "measured" else {})
+        options.check_outputs(files, overwrite, pictures=())
+    start_jax()
+    from ..colour import find_illuminant, find_observer
+    from . import export_report as report
+    from .progress import doing
+
+    illuminant, observer = find_illuminant(illuminant), find_observer(observer)
+    given = _stack(stack, ground, refractive_index, pigments)
+    glaze = given.glaze()
+    console = Console(highlight=False, soft_wrap=True)
+    light: dict[str, Any] = {"illuminant": illuminant, "observer": observer}
+    if to == "openpbr":
+        from ..appearance.exports.fit import fit_openpbr
+        from ..appearance.exports.materialx import write_materialx
+
+        with doing("computing all angles, then fitting"):
+            fit = fit_openpbr(
+                glaze,
+                roughness=roughness,
+                space=space,
+                layering=layering,  # pyright: ignore[reportArgumentType]
+                coat=coat,
+                tolerance=tolerance,
+                **light,
+            )
+        write_materialx(fit, path, overwrite=overwrite)
+        report.print_stack(console, given, roughness)
+        report.print_fit(console, fit, path)
+    elif to == "textures":
+        from ..appearance.exports.textures import texture_set
+
+        maps = _maps(glaze, layer, thickness_map, thickness_range, fraction_map, ground_map)
+        width = None if pixel is None else options.read_length(pixel, "--pixel")
+        with doing("computing colours where they are needed"):
+            textures = texture_set(
+                glaze, path, **maps, layer=layer - 1, roughness=roughness, coat=bool(coat), pixel=width, space=space,
+                delta_e=delta_e, kind=format, overwrite=overwrite, **light,
+            )  # fmt: skip
+        report.print_stack(console, given, roughness)
+        report.print_textures(console, textures, path)
+    else:
+        from ..appearance.exports.measured import write_measured
+
+        with doing("computing all angles, then asking Mitsuba"):
+            table = write_measured(glaze, path, roughness=roughness, tolerance=tolerance, overwrite=overwrite)
+        report.print_stack(console, given, roughness)
+        report.print_measured(console, table)
+    console.print(f"done in {time.perf_counter() - started:.1f} s")
+
+
+def _check(to: str, layering: str, kind: str, of_maps: dict[str, Any]) -> None:
+    """Refuse what cannot be meant, before anything is loaded."""
+    if to not in _KINDS:
+        raise ValueError(f"--to {to!r} is not known: choose {', '.join(_KINDS)}")
+    if layering not in _LAYERINGS:
+        raise ValueError(f"--layering {layering!r} is not known: choose {', '.join(_LAYERINGS)}")
+    if kind not in ("png", "exr"):
+        raise ValueError(f"--format {kind!r} is not known: choose png or exr")
+    told = [option for option, value in of_maps.items() if value is not None]
+    if to != "textures" and told:
+        raise ValueError(f"{told[0]} is for textures: add --to textures")
+    if to == "textures" and not any(of_maps[f"--{name}-map"] for name in ("thickness", "fraction", "ground")):
+        raise ValueError(
+            "textures need a map that says what changes: add --thickness-map FILE, --fraction-map FILE or "
+            "--ground-map FILE"
+        )
+
+
+def _stack(text: str, ground: str | None, index: float, pigments: Path | None) -> "Stack":
+    """The stack of a file, or of coats as typed; options count before a file."""
+    from ..paint.describe import name_paints, parse_layers
+    from ..paint.pigment_table import read_pigments
+    from ..stacks import Spectrum, Stack, all_paints, read_stack
+
+    own = {} if pigments is None else dict(read_pigments(pigments))
+    if text.lower().endswith(".json") or Path(text).is_file():
+        found = read_stack(Path(text))
+        own = {**found.pigments, **own}
+        made = Stack(found.coats, found.hidden, found.ground, found.refractive_index, found.geometry, own)
+        if index != _INDEX:
+            made = Stack(made.coats, made.hidden, made.ground, index, made.geometry, own)
+    else:
+        coats = name_paints(parse_layers(text), {**all_paints(), **own})
+        made = Stack(coats, (), float(_GROUND), index, "45:0", own)
+    if ground is None:
+        return made
+    below = options.read_ground(ground)
+    level: Any = below.reflectance
+    if below.wavelengths is not None:
+        import numpy as np
+
+        level = Spectrum(below.wavelengths, np.asarray(below.reflectance, float))
+    return Stack(made.coats, made.hidden, level, made.refractive_index, made.geometry, own)
+
+
+def _maps(
+    glaze: "Glaze",
+    layer: int,
+    thickness: Path | None,
+    span: str | None,
+    fraction: Path | None,
+    ground: Path | None,
+) -> "dict[str, Float[np.ndarray, 'h w']]":
+    """Maps of the options, in metres and shares."""
+    import numpy as np
+
+    from ..appearance.scene.file_materials import read_grey
+
+    if not 1 <= layer <= len(glaze.layers):
+        raise ValueError(f"--layer is {layer}, but there are {len(glaze.layers)} coats, the top one is 1")
+    maps = {}
+    if span is not None and thickness is None:
+        raise ValueError("--thickness-range has no meaning without --thickness-map FILE")
+    if thickness is not None:
+        grey = read_grey(thickness)
+        if span is not None:
+            low, high = _range(span)
+        elif thickness.suffix.lower() == ".npy":
+            low, high = 0.0, 1.0
+        else:
+            low, high = 0.0, float(np.asarray(glaze.layers[layer - 1].thickness))
+        maps["thickness"] = low + (high - low) * grey
+    for name, path in (("fraction", fraction), ("ground", ground)):
+        if path is not None:
+            maps[name] = read_grey(path)
+    return maps
+
+
+def _range(text: str) -> tuple[float, float]:
+    """Metres of LOW-HIGH; the lower end may be 0."""
+    low, dash, high = text.strip().partition("-")
+    if dash and low.strip().rstrip("umnµμ ") in ("0", "0.0"):
+        return 0.0, options.read_length(high, "--thickness-range")
+    return options.read_lengths(text, "--thickness-range")

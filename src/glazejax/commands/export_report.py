@@ -1,0 +1,122 @@
+"""What ``glazejax export`` prints: what was written, how near it is, and what that means."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+
+from ..paint.describe import format_length
+
+if TYPE_CHECKING:
+    from ..appearance.exports.fit import Errors, OpenPBRFit
+    from ..appearance.exports.measured import MeasuredExport
+    from ..appearance.exports.textures import TextureSet
+    from ..stacks import Stack
+
+_SPACES = {"lin_rec709": "linear sRGB", "acescg": "ACEScg"}
+# Below this share colours outside are rounding.
+_SOME = 5e-4
+
+
+def _line(console: Console, title: str, words: str) -> None:
+    console.print(f"{title:9}{words}", markup=False)
+
+
+def print_stack(console: Console, stack: "Stack", roughness: float) -> None:
+    """Say what is exported."""
+    from ..stacks import Spectrum
+
+    coats = " over ".join(f"{coat.name} {format_length(coat.total)}" for coat in stack.shown)
+    level = stack.level()
+    ground = f"a spectrum, mean {level.reflectance.mean():.2f}" if isinstance(level, Spectrum) else f"{level:g}"
+    surface = "a smooth surface" if roughness == 0 else f"a surface of roughness {roughness:g}"
+    _line(console, "stack", f"{coats}, ground {ground}, n = {stack.refractive_index:g}, {surface}")
+    if stack.ground == "card":
+        _line(console, "note", "the stack lies on a card of white and black: exported over white")
+
+
+def print_fit(console: Console, fit: "OpenPBRFit", path: Path) -> None:
+    """Say what was fitted, and how near it is."""
+    material, truth = fit.material, fit.truth
+    light = f"{_SPACES[truth.space]}, {truth.light[0]}"
+    _line(console, "wrote", f"{path}: OpenPBR 1.1 in MaterialX 1.39, colours in {light}")
+    colour = " ".join(f"{value:.4g}" for value in material.base_color)
+    words = f"base_color {colour}, base_diffuse_roughness {material.base_diffuse_roughness:.3g}"
+    _line(
+        console,
+        "",
+        f"{words}, specular_ior {material.specular_ior:.4g}, specular_roughness {material.specular_roughness:.3g}",
+    )
+    if material.coat_weight:
+        colour = " ".join(f"{value:.4g}" for value in material.coat_color)
+        _line(console, "", f"coat_color {colour}, coat_ior {material.coat_ior:.4g}, "
+              f"coat_darkening {material.coat_darkening:.3g}")  # fmt: skip
+    _errors(console, "how near", fit.errors)
+    plain = fit.naive_errors
+    _line(
+        console,
+        "",
+        f"without the fit (base_color as seen straight on): albedo {plain.albedo:.3f}, Delta E {plain.sky:.2f} and "
+        f"{plain.lamp:.2f}, RMS {plain.rms:.3f}",
+    )
+    if fit.layering != "materialx":
+        other = "materialx"
+        there = fit.errors_with(other)
+        _line(console, "note", f"in a program that layers as in {other}: Delta E {there.sky:.2f} and {there.lamp:.2f}")
+    if fit.outside > _SOME:
+        words = f"{fit.outside:.0%} of the angles show a colour that {_SPACES[truth.space]} cannot hold: it is brought"
+        advice = "; --space acescg holds it" if truth.space == "lin_rec709" else ""
+        _line(console, "note", f"{words} inside{advice}")
+    _meaning(console)
+    if fit.layering != "reciprocal":
+        _line(
+            console, "", "Most of the RMS is light that comes in at a slant, which OpenPBR's layers let in unweakened."
+        )
+
+
+def print_textures(console: Console, found: "TextureSet", folder: Path) -> None:
+    """Say what was written, and how near it is."""
+    names = ", ".join(path.name for path in found.files.values())
+    _line(console, "wrote", f"{folder}: {names}")
+    _line(console, "", "README.txt says which picture goes into which socket of Blender, and into game engines")
+    _line(
+        console,
+        "pixels",
+        f"{found.computed} glazes computed, the others interpolated within Delta E {found.interpolation:.2g} "
+        "(estimated)",
+    )
+    _errors(console, "how near", found.errors, "at the worst of some pixels, ")
+    if found.outside > _SOME:
+        words = (
+            f"{found.outside:.1%} of the pixels have a colour that the space cannot hold: brought inside, changed by"
+        )
+        _line(console, "note", f"{words} Delta E {found.clipped:.2g} at most; --format exr --space acescg holds it")
+    _meaning(console)
+
+
+def print_measured(console: Console, found: "MeasuredExport") -> None:
+    """Say what was written, and what Mitsuba makes of it."""
+    _line(
+        console, "wrote", f"{found.table} (the table) and {found.scene} (a BSDF that uses it, with the surface's gloss)"
+    )
+    _line(console, "", f'in Mitsuba: mi.load_file("{found.scene}"), in a spectral variant')
+    _line(console, "how near", f"the table's own directions: reflectance factor within {found.solver:.1g}")
+    if found.mitsuba is None:
+        _line(console, "", f"between them: not checked in Mitsuba ({found.why})")
+    else:
+        _line(console, "", f"between them, in Mitsuba beside the solver, 27 pairs of directions: {found.mitsuba:.2g}")
+
+
+def _errors(console: Console, title: str, errors: "Errors", where: str = "") -> None:
+    _line(
+        console,
+        title,
+        f"{where}under an even sky: albedo within {errors.albedo:.3f}, Delta E {errors.sky:.2f} (mean), "
+        f"{errors.sky_most:.2f} (most)",
+    )
+    _line(console, "", f"under a lamp at 45 degrees: Delta E {errors.lamp:.2f} (mean), {errors.lamp_most:.2f} (most)")
+    _line(console, "", f"reflectance factor over all pairs of angles: RMS {errors.rms:.3f}")
+
+
+def _meaning(console: Console) -> None:
+    _line(console, "", "Delta E is CIEDE2000, seen from 0 to 75 degrees: below 1 is hard to see.")

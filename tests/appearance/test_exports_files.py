@@ -1,0 +1,329 @@
+"""What is exported: MaterialX files, textures, Mitsuba's table, and the command that writes them."""
+
+import io
+import json
+from xml.etree import ElementTree as xml
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import glazejax as gj
+from glazejax.appearance.exports import (
+    OpenPBR,
+    angular_colour,
+    fit_openpbr,
+    texture_set,
+    write_materialx,
+    write_measured,
+)
+from glazejax.appearance.exports.image_files import encoded_srgb, normals, png
+from glazejax.appearance.exports.materialx import Image
+from glazejax.commands.main import make_app
+from glazejax.paint.describe import Coat
+
+GRID = np.arange(400.0, 701.0, 20.0)
+COATS = "UltramarineBlue:3um, ZincWhite:20um"
+
+
+def paint(name: str) -> gj.Pigment:
+    return gj.catalogue.load()[name].resample(GRID)
+
+
+def blue(thickness: float = 3e-6) -> gj.Glaze:
+    return gj.Glaze([gj.Layer(paint("UltramarineBlue"), thickness), gj.Layer(paint("ZincWhite"), 20e-6)], 0.9)
+
+
+@pytest.fixture
+def run():
+    def call(*words: object):
+        return CliRunner().invoke(make_app(), ["export", *map(str, words)])
+
+    return call
+
+
+@pytest.fixture(scope="module")
+def fit():
+    return fit_openpbr(blue(), space="acescg")
+
+
+def read_png(path) -> np.ndarray:
+    """Values of a PNG from 0 to 1, by matplotlib and Pillow, which keeps the upper 8 bits of each colour."""
+    from matplotlib.image import imread
+
+    return np.asarray(imread(path), float)
+
+
+def inputs(path, node: str) -> dict[str, dict[str, str]]:
+    found = xml.parse(path).getroot().find(node)
+    assert found is not None
+    return {one.attrib["name"]: one.attrib for one in found}
+
+
+def test_a_materialx_file_holds_the_material(fit, tmp_path):
+    path = write_materialx(fit, tmp_path / "blue.mtlx", name="blue")
+    root = xml.parse(path).getroot()
+    assert (root.tag, root.attrib["version"], root.attrib["colorspace"]) == ("materialx", "1.39", "acescg")
+    assert f"albedo {fit.errors.albedo:.4f}" in root.attrib["doc"]
+    given = inputs(path, "open_pbr_surface")
+    for name, value in fit.material.parameters().items():
+        written = [float(part) for part in given[name]["value"].split(",")]
+        np.testing.assert_allclose(written, value, rtol=1e-5)
+    assert inputs(path, "surfacematerial")["surfaceshader"]["nodename"] == "blue_surface"
+
+
+def test_materialx_takes_the_files(fit, tmp_path):
+    mx = pytest.importorskip("MaterialX")
+    library = mx.createDocument()
+    mx.loadLibraries(mx.getDefaultDataLibraryFolders(), mx.getDefaultDataSearchPath(), library)
+    images = {"base_color": Image("a.png", "srgb_texture"), "specular_roughness": Image("b.png")}
+    files = [
+        write_materialx(fit, tmp_path / "plain.mtlx"),
+        write_materialx(OpenPBR(), tmp_path / "pictures.mtlx", images=images, normal=Image("n.png")),
+    ]
+    for path in files:
+        document = mx.createDocument()
+        mx.readFromXmlFile(document, str(path))
+        document.setDataLibrary(library)
+        assert document.validate() == (True, "")
+        (material,) = document.getMaterialNodes()
+        (shader,) = mx.getShaderNodes(material)
+        definition = shader.getNodeDef()
+        assert definition.getNodeString() == "open_pbr_surface"
+        # A name that the definition does not have would be ignored in silence by a renderer.
+        known = {one.getName() for one in definition.getActiveInputs()}
+        assert {one.getName() for one in shader.getInputs()} <= known
+    values = mx.createDocument()
+    mx.readFromXmlFile(values, str(files[0]))
+    colour = values.getNode("glaze_surface").getInput("base_color").getValue()
+    np.testing.assert_allclose([colour[k] for k in range(3)], fit.material.base_color, atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "file", "words"),
+    [
+        ("my glaze", "a.mtlx", "the material's name is 'my glaze'; use letters"),
+        ("glaze", "a.xml", "a MaterialX file ends in .mtlx"),
+    ],
+)
+def test_bad_names_are_refused(tmp_path, name, file, words):
+    with pytest.raises(ValueError, match=words):
+        write_materialx(OpenPBR(), tmp_path / file, name=name)
+
+
+def test_files_are_kept(tmp_path):
+    path = write_materialx(OpenPBR(), tmp_path / "a.mtlx")
+    with pytest.raises(FileExistsError, match="overwrite=True"):
+        write_materialx(OpenPBR(), path)
+    write_materialx(OpenPBR(base_weight=0.5), path, overwrite=True)
+    assert inputs(path, "open_pbr_surface")["base_weight"]["value"] == "0.5"
+
+
+def test_png_has_sixteen_bits():
+    grey = np.linspace(0, 1, 60).reshape(5, 12)
+    pillow = pytest.importorskip("PIL.Image")
+    found = np.asarray(pillow.open(io.BytesIO(png(grey))))
+    np.testing.assert_array_equal(found, np.round(grey * 65535).astype(np.uint16))
+    colour = np.random.default_rng(0).uniform(size=(4, 3, 3))
+    np.testing.assert_allclose(read_png(io.BytesIO(png(colour, encoded=True))), colour, atol=1.01 / 255)
+    assert pillow.open(io.BytesIO(png(colour, encoded=True))).info["srgb"] == 0
+
+
+def test_normals_of_a_slope_point_down_it():
+    rise = np.broadcast_to(np.arange(4.0) * 1e-6, (3, 4))
+    n = 2 * normals(rise, 1e-6) - 1
+    # A height that rises to the right by one pixel a pixel: 45 degrees, towards the left.
+    np.testing.assert_allclose(n, np.broadcast_to([-np.sqrt(0.5), 0, np.sqrt(0.5)], n.shape), atol=1e-12)
+    # Rising downwards: green points up the picture.
+    assert np.all((2 * normals(rise.T, 1e-6) - 1)[..., 1] > 0.7)
+
+
+@pytest.fixture(scope="module")
+def textures(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("out") / "glaze"
+    thickness = np.linspace(0, 8e-6, 12).reshape(3, 4)
+    return thickness, texture_set(blue(), folder, thickness=thickness, pixel=50e-6)
+
+
+def test_a_pixel_is_the_fit_of_its_glaze(textures):
+    thickness, found = textures
+    picture = read_png(found.files["base_color"])
+    assert picture.shape == (3, 4, 3)
+    for place in ((0, 0), (2, 3)):
+        alone = fit_openpbr(angular_colour(blue(thickness[place])))
+        expected = encoded_srgb(np.array(alone.material.base_color))
+        assert alone.material.base_diffuse_roughness < 0.02
+        np.testing.assert_allclose(picture[place], expected, atol=1.01 / 255 + 2e-3)
+
+
+def test_textures_come_with_words_and_a_material(textures):
+    thickness, found = textures
+    assert all(path.exists() for path in found.files.values())
+    record = json.loads(found.files["json"].read_text())
+    assert record["textures"]["base_color"] == {
+        "file": "glaze_base_color.png",
+        "colour": True,
+        "encoded": "sRGB",
+        "blender": "Base Color",
+    }
+    assert record["textures"]["roughness"]["encoded"] == "linear"
+    assert record["height"] == {"black_m": 0.0, "white_m": 8e-6, "pixel_m": 5e-05}
+    assert record["share_outside_gamut"] == found.outside > 0
+    text = found.files["readme"].read_text()
+    assert "glaze_base_color.png" in text
+    assert "-> Base Color (image colour space: sRGB)" in text
+    assert "Scale 8e-06" in text
+    pillow = pytest.importorskip("PIL.Image")
+    height = np.asarray(pillow.open(found.files["height"]), float) / 65535
+    np.testing.assert_allclose(height * 8e-6, thickness, atol=1e-10)
+    assert np.asarray(pillow.open(found.files["roughness"])).max() == 0
+    mx = pytest.importorskip("MaterialX")
+    document = mx.createDocument()
+    mx.readFromXmlFile(document, str(found.files["materialx"]))
+    assert document.getNode("glaze_base_color").getInput("file").getValueString() == "glaze_base_color.png"
+    assert document.getNode("glaze_base_color").getInput("file").getColorSpace() == "srgb_texture"
+
+
+def test_a_large_map_is_interpolated(tmp_path):
+    thickness = np.linspace(0, 8e-6, 600).reshape(20, 30)
+    one = texture_set(blue(), tmp_path / "many", thickness=thickness, delta_e=0.5)
+    assert 0 < one.interpolation <= 0.5
+    picture = read_png(one.files["base_color"])
+    few = texture_set(blue(), tmp_path / "few", thickness=thickness[:, ::29])
+    assert few.interpolation == 0
+    # Half a unit of Delta E is a few steps of eight bits at most.
+    np.testing.assert_allclose(picture[:, ::29], read_png(few.files["base_color"]), atol=3 / 255)
+
+
+def test_fractions_and_grounds(tmp_path):
+    mixed = gj.Mixture([paint("ZincWhite"), paint("Vermillion")], [0.5, 0.5])
+    glaze = gj.Glaze([gj.Layer(mixed, 20e-6)], 0.5)
+    fraction, ground = np.array([[0.0, 0.25, 1.0]]), np.array([[0.1, 0.9, 0.9]])
+    found = texture_set(glaze, tmp_path / "f", fraction=fraction, ground=ground)
+    picture = read_png(found.files["base_color"])
+    for k in range(3):
+        parts = gj.Mixture(mixed.pigments, [1 - fraction[0, k], fraction[0, k]])
+        alone = fit_openpbr(gj.Glaze([gj.Layer(parts, 20e-6)], ground[0, k]), coat=False)
+        np.testing.assert_allclose(picture[0, k], encoded_srgb(np.array(alone.material.base_color)), atol=1e-2)
+
+
+def test_a_coat_is_a_picture_of_its_own(tmp_path):
+    found = texture_set(blue(), tmp_path / "c", thickness=np.array([[0.0, 2e-6, 6e-6]]), coat=True)
+    base, coat = (read_png(found.files[what])[0] for what in ("base_color", "coat_color"))
+    assert np.ptp(base, axis=0).max() == 0
+    assert np.all(np.diff(coat[:, 2]) < 0)
+    assert found.material.coat_weight == 1
+    assert "Coat > Tint" in found.files["readme"].read_text()
+    assert "glaze_coat_color" in found.files["materialx"].read_text()
+
+
+def test_exr_holds_acescg(tmp_path):
+    exr = pytest.importorskip("OpenEXR")
+    thickness = np.array([[0.0, 3e-6]])
+    found = texture_set(blue(), tmp_path / "e", thickness=thickness, kind="exr", space="acescg")
+    assert found.outside == 0
+    with exr.File(str(found.files["base_color"])) as file:
+        pixels = file.channels()["RGB"].pixels
+    alone = fit_openpbr(blue(), space="acescg")
+    np.testing.assert_allclose(pixels[0, 1], alone.material.base_color, atol=2e-3)
+    assert 'colorspace="acescg"' in found.files["materialx"].read_text()
+
+
+MAP = np.full((2, 2), 3e-6)
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({}, "textures need a map that says what changes"),
+        ({"thickness": MAP * 1e6}, r"goes from 3 to 3; it must lie in 0 to 0.01 m \(20 micrometres"),
+        ({"thickness": -MAP}, "map of thickness goes from -3e-06"),
+        ({"thickness": MAP * np.nan}, "map of thickness goes from nan"),
+        ({"thickness": MAP[0]}, r"map of thickness must be a picture of numbers, \(h, w\)"),
+        ({"thickness": MAP, "ground": np.ones((3, 2))}, r"maps differ in shape: thickness \(2, 2\), ground \(3, 2\)"),
+        ({"thickness": MAP, "layer": 2}, "layer is 2, but the glaze has 2 layers"),
+        ({"fraction": MAP}, "a map of fractions needs a coat of two paints"),
+        ({"ground": MAP, "pixel": 1e-5}, "height and normals are those of a thickness map"),
+        ({"thickness": MAP, "pixel": 50.0}, "pixel is 50.0; it is a pixel's width in metres"),
+        ({"thickness": MAP, "kind": "jpg"}, "kind is 'jpg'; choose png or exr"),
+        ({"thickness": MAP, "space": "acescg"}, "PNG holds sRGB: write kind='exr' for ACEScg"),
+        ({"thickness": MAP, "delta_e": 0.0}, "delta_e is 0.0; it must be positive"),
+    ],
+)
+def test_maps_that_cannot_be_meant_are_refused(tmp_path, given, words):
+    with pytest.raises(ValueError, match=words):
+        texture_set(blue(), tmp_path / "t", **given)
+    assert not (tmp_path / "t").exists()
+
+
+def test_a_table_for_mitsuba(tmp_path):
+    mi = pytest.importorskip("mitsuba")
+    found = write_measured(blue(), tmp_path / "blue.bsdf", resolution=24)
+    assert found.mitsuba is not None
+    assert found.solver <= 1e-4 < found.mitsuba < 0.02
+    loaded = mi.load_file(str(found.scene))
+    assert "measured" in str(loaded).lower()
+    assert "RoughPlastic" in str(loaded)
+    with pytest.raises(ValueError, match=r"ends in .bsdf"):
+        write_measured(blue(), tmp_path / "blue.mtlx")
+    with pytest.raises(FileExistsError, match="blue"):
+        write_measured(blue(), tmp_path / "blue.bsdf")
+
+
+def test_the_command_fits_openpbr(run, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    done = run(COATS, "--space", "acescg")
+    assert done.exit_code == 0, done.output
+    for words in ("UltramarineBlue 3 µm over ZincWhite 20 µm", "wrote    glaze.mtlx", "without the fit", "Delta E"):
+        assert words in done.output
+    fit = fit_openpbr(gj.Glaze([gj.Layer(gj.catalogue.load()[n], d) for n, d in
+                                (("UltramarineBlue", 3e-6), ("ZincWhite", 20e-6))], 0.9), space="acescg")  # fmt: skip
+    assert f"RMS {fit.errors.rms:.3f}" in done.output
+    given = inputs(tmp_path / "glaze.mtlx", "open_pbr_surface")["base_color"]["value"]
+    np.testing.assert_allclose([float(part) for part in given.split(",")], fit.material.base_color, rtol=1e-4)
+    again = run(COATS)
+    assert "--out glaze.mtlx exists" in str(again.exception)
+
+
+def test_the_command_reads_a_stack_and_maps(run, tmp_path):
+    stack = gj.Stack((Coat(((1.0, "UltramarineBlue"),), 5e-6, 1),), (), "card")
+    gj.write_stack(tmp_path / "one.json", stack)
+    np.save(tmp_path / "thin.npy", np.array([[0.0, 1e-6, 4e-6]]))
+    np.save(tmp_path / "share.npy", np.array([[0.0, 0.2, 0.8]]))
+    words = (tmp_path / "one.json", "--to", "textures")
+    first = run(*words, "--thickness-map", tmp_path / "thin.npy", "--out", tmp_path / "a")
+    assert first.exit_code == 0, first.output
+    assert "card of white and black: exported over white" in first.output
+    second = run(
+        *words, "--thickness-map", tmp_path / "share.npy", "--thickness-range", "0-5um", "--out", tmp_path / "b",
+        "--pixel", "50um",
+    )  # fmt: skip
+    assert second.exit_code == 0, second.output
+    pictures = [read_png(tmp_path / folder / "glaze_base_color.png") for folder in ("a", "b")]
+    np.testing.assert_array_equal(pictures[0], pictures[1])
+    assert (tmp_path / "b" / "glaze_normal.png").exists()
+    again = run(*words, "--thickness-map", tmp_path / "thin.npy", "--out", tmp_path / "a")
+    assert "exists" in str(again.exception)
+    other = run(
+        *words, "--thickness-map", tmp_path / "thin.npy", "--out", tmp_path / "a", "--overwrite", "--ground", "0.1"
+    )
+    assert other.exit_code == 0
+    assert np.all(read_png(tmp_path / "a" / "glaze_base_color.png")[0, 0] < pictures[0][0, 0])
+
+
+@pytest.mark.parametrize(
+    ("words", "complaint"),
+    [
+        (("--to", "unreal"), "--to 'unreal' is not known: choose openpbr, textures, measured"),
+        (("--layering", "arnold"), "--layering 'arnold' is not known: choose materialx"),
+        (("--format", "tga"), "--format 'tga' is not known: choose png or exr"),
+        (("--to", "textures"), "textures need a map that says what changes: add --thickness-map FILE"),
+        (("--pixel", "5um"), "--pixel is for textures: add --to textures"),
+        (("--thickness-map", "a.npy"), "--thickness-map is for textures"),
+        (("--out", "nowhere/a.mtlx"), "the folder nowhere does not exist"),
+    ],
+)
+def test_wrong_options_are_one_sentence(run, tmp_path, monkeypatch, words, complaint):
+    monkeypatch.chdir(tmp_path)
+    assert complaint in str(run(COATS, *words).exception)
+    assert not [*tmp_path.iterdir()]

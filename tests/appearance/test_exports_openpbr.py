@@ -1,0 +1,233 @@
+"""OpenPBR in numbers, and its fit to a glaze: energy, reciprocity, closed forms, and parameters found again."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import glazejax as gj
+from glazejax.appearance.exports import (
+    OpenPBR,
+    angular_colour,
+    directional_albedo,
+    fit_openpbr,
+    material_errors,
+    reflectance_factor,
+    surface_albedo,
+)
+from glazejax.appearance.exports.lobes import diffuse_factor, lobe_albedo, lobe_factor
+from glazejax.appearance.exports.openpbr import LAYERINGS
+from glazejax.appearance.exports.rgb import delta_e, lab_of_rgb, outside, rgb_of_xyz
+
+GRID = np.arange(400.0, 701.0, 20.0)
+COSINES = np.array([0.05, 0.3, 0.6, 0.95, 1.0])
+WHITE = (1.0, 1.0, 1.0)
+
+
+def blue(thickness: float = 3e-6, ground: float = 0.9) -> gj.Glaze:
+    paints = gj.catalogue.load()
+    return gj.Glaze([gj.Layer(paints["UltramarineBlue"], thickness), gj.Layer(paints["ZincWhite"], 20e-6)], ground)
+
+
+@pytest.fixture(scope="module")
+def truth():
+    return angular_colour(blue(), GRID, space="acescg")
+
+
+def hemisphere(function, cos_out: float) -> np.ndarray:
+    """Albedo of a reflectance factor towards an angle, by a rule of its own."""
+    nodes, weights = np.polynomial.legendre.leggauss(300)
+    light, turns = 0.5 * (nodes + 1), (np.arange(360) + 0.5) / 2
+    values = function(*np.broadcast_arrays(light[:, None], np.array(cos_out), turns))
+    return np.tensordot(weights * light, values.mean(axis=1), 1)
+
+
+@pytest.mark.parametrize("roughness", [0.0, 0.3, 1.0])
+def test_a_white_rough_body_keeps_all_light(roughness):
+    for cos_out in (0.2, 0.9):
+        found = hemisphere(lambda *at: diffuse_factor(np.ones(3), roughness, *at), cos_out)
+        np.testing.assert_allclose(found, 1.0, atol=1e-4)
+
+
+@pytest.mark.parametrize("alpha", [0.15, 0.5, 1.0])
+@pytest.mark.parametrize("index", [1.3, 1.8])
+def test_the_albedo_of_a_rough_surface_is_that_of_its_lobe(alpha, index):
+    for cos_out in (0.25, 0.9):
+        brute = hemisphere(lambda i, o, turn: lobe_factor(i, o, turn, alpha, index), cos_out)
+        np.testing.assert_allclose(lobe_albedo(np.array([cos_out]), alpha, index)[0], brute, rtol=2e-3)
+
+
+def test_a_surface_that_gets_smooth_reflects_as_fresnel_says():
+    # n = 1.5 straight on: ((n - 1)/(n + 1))^2.
+    np.testing.assert_allclose(lobe_albedo(np.ones(1), 0.0, 1.5), 0.04, rtol=1e-12)
+    np.testing.assert_allclose(lobe_albedo(COSINES[1:], 1e-3, 1.5), lobe_albedo(COSINES[1:], 0.0, 1.5), rtol=2e-4)
+
+
+@pytest.mark.parametrize("layering", LAYERINGS)
+def test_a_white_material_reflects_everything(layering):
+    plain = OpenPBR(base_color=WHITE, specular_roughness=0.0)
+    mean = directional_albedo(plain, COSINES, layering=layering)
+    if layering == "reciprocal":
+        # What goes in grazing is less, what goes in steep is more: only the whole is kept.
+        nodes, weights = np.polynomial.legendre.leggauss(16)
+        mu = 0.5 * (nodes + 1)
+        mean = np.array([weights * mu @ directional_albedo(plain, mu, layering=layering)])
+    np.testing.assert_allclose(mean, 1.0, atol=2e-4)
+
+
+@pytest.mark.parametrize("layering", LAYERINGS)
+def test_a_coat_adds_its_mirror_and_takes_light_away(layering):
+    coated = OpenPBR(base_color=(0.5, 0.5, 0.5), specular_ior=1.5, coat_weight=1.0, coat_ior=1.5)
+    bare = replace(coated, coat_weight=0.0)
+    body = [reflectance_factor(m, 1.0, 1.0, layering=layering, gloss=False) for m in (coated, bare)]
+    assert np.all(body[0] < body[1])
+    np.testing.assert_allclose(surface_albedo(coated, 1.0, layering=layering), 0.04, rtol=1e-6)
+    tinted = replace(coated, coat_color=(0.25, 1.0, 1.0))
+    through = reflectance_factor(tinted, 1.0, 1.0, layering=layering, gloss=False) / body[0]
+    np.testing.assert_allclose(through, [0.25, 1.0, 1.0])
+    slanted = reflectance_factor(tinted, 0.5, 0.5, layering=layering, gloss=False)
+    slanted /= reflectance_factor(coated, 0.5, 0.5, layering=layering, gloss=False)
+    inside = np.sqrt(1 - 0.75 / 1.5**2)
+    expected = 0.25 if layering == "materialx" else 0.25 ** (1 / inside)
+    np.testing.assert_allclose(slanted[0], expected, rtol=1e-9)
+
+
+def test_layers_that_are_reciprocal_are():
+    material = OpenPBR(
+        base_color=(0.2, 0.5, 0.9),
+        base_diffuse_roughness=0.4,
+        specular_roughness=1.0,
+        coat_weight=1.0,
+        coat_color=(0.9, 0.5, 0.2),
+        coat_ior=1.5,
+        coat_darkening=0.0,
+    )
+    there, back = (
+        reflectance_factor(material, *pair, 40.0, layering="reciprocal", gloss=False)
+        for pair in ((0.3, 0.9), (0.9, 0.3))
+    )
+    np.testing.assert_allclose(there, back, rtol=1e-12)
+    one, other = (
+        reflectance_factor(material, *pair, layering="materialx", gloss=False) for pair in ((0.3, 0.9), (0.9, 0.3))
+    )
+    assert np.all(np.abs(one - other) > 0.01 * one)
+
+
+@pytest.mark.parametrize("index", [1.3, 1.5, 1.7])
+def test_reciprocal_layers_of_a_clear_coat_are_what_the_solver_computes(index):
+    """A Lambertian ground under a smooth surface has a closed form, and the solver computes it without OpenPBR."""
+    ground = np.array([0.1, 0.5, 0.95])
+    material = OpenPBR(
+        base_color=tuple(ground), specular_ior=index, specular_roughness=1.0, coat_weight=1.0, coat_ior=index
+    )
+    for pair in ((1.0, 1.0), (0.2, 0.7)):
+        solved = gj.stack_reflectance_factor(
+            np.zeros((3, 1)), np.zeros((3, 1)), ground, refractive_index=index, cos_incidence=pair[0],
+            cos_viewing=pair[1], tolerance=1e-8,
+        )  # fmt: skip
+        found = reflectance_factor(material, *pair, layering="reciprocal", gloss=False)
+        np.testing.assert_allclose(found, solved, atol=1e-6)
+
+
+def test_a_material_is_found_again(truth):
+    """What OpenPBR can show is fitted to nothing left."""
+    flat = replace(truth, body=np.broadcast_to((1 - truth.surface)[:, None] * (0.1, 0.6, 0.3), truth.body.shape))
+    fit = fit_openpbr(flat)
+    np.testing.assert_allclose(fit.material.base_color, (0.1, 0.6, 0.3), atol=2e-5)
+    assert fit.material.base_diffuse_roughness < 1e-3
+    assert fit.material.coat_weight == 0
+    assert max(fit.errors) < 1e-2
+
+
+@pytest.mark.parametrize("layering", ["specification", "reciprocal"])
+def test_a_coat_is_found_again(truth, layering):
+    tint = (0.3, 0.6, 0.9)
+    material = OpenPBR(
+        base_color=(0.9, 0.5, 0.7), specular_roughness=0.0, coat_weight=1.0, coat_color=tint, coat_ior=1.5
+    )
+    seen = reflectance_factor(material, truth.cosines[:, None], truth.cosines, layering=layering, gloss=False)
+    fit = fit_openpbr(replace(truth, body=seen), layering=layering)
+    np.testing.assert_allclose(fit.material.coat_color, tint, atol=5e-3)
+    assert fit.errors.rms < 2e-4
+
+
+def test_the_fit_is_nearer_than_no_fit_and_reciprocal_layers_are_nearer_still(truth):
+    fit, better = (fit_openpbr(truth, layering=layering) for layering in ("materialx", "reciprocal"))
+    assert fit.errors.albedo < 0.5 * fit.naive_errors.albedo
+    assert fit.errors.sky < 0.5 * fit.naive_errors.sky
+    assert fit.errors.rms < fit.naive_errors.rms
+    assert better.errors.rms < 0.1 * fit.errors.rms
+    # Without a coat it is the same material wherever layers weaken light on the eye's side.
+    assert fit.errors_with("specification") == fit.errors
+    assert fit.material.specular_ior == 1.5
+    assert "rms" in repr(fit)
+
+
+def test_errors_are_what_they_say(truth):
+    material = OpenPBR(base_color=(0.1, 0.1, 0.5), specular_roughness=0.0)
+    errors = material_errors(material, truth)
+    nodes, weights = np.polynomial.legendre.leggauss(truth.weights.size)
+    mu = 0.5 * (nodes + 1)
+    share = (weights * mu)[:, None] * weights * mu
+    seen = np.array([[reflectance_factor(material, i, o) for o in mu] for i in mu])
+    square = ((seen - truth.body[truth.nodes, truth.nodes]) ** 2).mean(axis=-1)
+    np.testing.assert_allclose(errors.rms, np.sqrt((share * square).sum()), rtol=1e-9)
+    sky = np.array([directional_albedo(material, c) for c in truth.cosines[truth.views]])
+    expected = truth.directional_albedo()[truth.views]
+    np.testing.assert_allclose(errors.albedo, np.abs(sky - expected).max(), rtol=1e-9)
+    np.testing.assert_allclose(errors.sky_most, delta_e(sky, expected, "acescg").max(), rtol=1e-9)
+
+
+def test_the_computed_glaze_is_the_solvers(truth):
+    made = blue()
+
+    views = truth.cosines[truth.views]
+    np.testing.assert_allclose(views[4], 0.5)
+    seen = gj.reflectance(made, gj.Bidirectional(60.0, 0.0))
+    xyz = gj.colour.xyz(made.wavelengths, seen)
+    expected = rgb_of_xyz(np.asarray(xyz), gj.colour.white_point(made.wavelengths), "acescg")
+    whole = angular_colour(made, space="acescg")
+    np.testing.assert_allclose(whole.body[whole.views, whole.views][4, 0], expected, atol=2e-4)
+
+    # The mirror's share and the body's together are what a sphere sees.
+    sphere = gj.reflectance(made, gj.Hemispherical(45.0))
+    xyz = np.asarray(gj.colour.xyz(made.wavelengths, sphere))
+    expected = rgb_of_xyz(xyz, gj.colour.white_point(made.wavelengths), "acescg")
+    np.testing.assert_allclose(whole.directional_albedo()[whole.views][3], expected, atol=2e-4)
+
+
+def test_colour_spaces():
+    white = gj.colour.white_point(GRID, "A")
+    for space in ("lin_rec709", "acescg"):
+        np.testing.assert_allclose(rgb_of_xyz(white, white, space), 1.0, atol=1e-12)
+        np.testing.assert_allclose(lab_of_rgb(np.ones(3), space), [100, 0, 0], atol=1e-9)
+    # ACES: AP1's red, green and blue in linear sRGB, as colour-science has them (Bradford).
+    colour = gj.colour.colour_science()
+    expected = colour.RGB_to_RGB(np.eye(3), "ACEScg", "sRGB", "Bradford")
+    d65 = gj.colour.srgb_to_xyz(np.ones(3))
+    ours = np.linalg.inv(rgb_of_xyz(np.eye(3), d65, "acescg")) @ rgb_of_xyz(np.eye(3), d65, "lin_rec709")
+    np.testing.assert_allclose(ours, expected, atol=2e-4)
+    np.testing.assert_array_equal(outside(np.array([[0.5, 0, 1], [-0.01, 0, 0], [0, 1.2, 0]])), [0, 1, 1])
+
+
+def test_a_fit_says_how_much_its_space_cannot_hold(truth):
+    assert truth.space == "acescg"
+    assert fit_openpbr(truth).outside == 0
+    assert fit_openpbr(blue(), GRID).outside > 0.5
+
+
+@pytest.mark.parametrize(
+    ("call", "words"),
+    [
+        (lambda: OpenPBR(base_color=(0.5, 1.2, 0.1)), "base_color is .*; OpenPBR takes 0 to 1"),
+        (lambda: OpenPBR(coat_ior=0.5), "coat_ior is 0.5; OpenPBR takes 1 to 3"),
+        (lambda: OpenPBR(base_weight=(1.0, 1.0, 1.0)), "a colour has three numbers"),  # pyright: ignore[reportArgumentType]
+        (lambda: fit_openpbr(blue(), GRID, layering="arnold"), "layering is 'arnold'; choose materialx"),  # pyright: ignore[reportArgumentType]
+        (lambda: fit_openpbr(blue(), GRID, space="adobe"), "colour space 'adobe' is not known: choose srgb"),
+        (lambda: fit_openpbr(blue(), GRID, roughness=2.0), "roughness is 2.0; it is alpha of GGX, from 0"),
+    ],
+)
+@pytest.mark.usefixtures("unchecked")
+def test_what_cannot_be_meant_is_refused(call, words):
+    with pytest.raises(ValueError, match=words):
+        call()
