@@ -1,0 +1,84 @@
+"""Paths by chance for the stacks of `layered_stacks`: added up round by round in a file, so that a run may be stopped."""
+
+import json
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from benchmarks.layered_stacks import INCIDENCES, STACKS, VIEWS, LayeredStack
+from tests.oracles import position_free
+from tests.oracles.position_free import Stack, Tally, Views
+
+KINDS = ("albedo", "factor")
+CHUNK = {"albedo": 20_000, "factor": 5_000}
+"""Paths side by side: their arrays stay in a cache."""
+
+
+def oracle_stack(stack: LayeredStack) -> Stack:
+    """The stack as `tests.oracles.position_free` takes it."""
+    return Stack(stack.scattering, stack.absorption, stack.g, np.array(stack.indices), stack.ground, stack.roughness)
+
+
+def chunk(stack: LayeredStack, kind: str, incidence: float, paths: int, rng: np.random.Generator) -> Tally:
+    """Sums over some paths: albedo (bands,), or reflectance factor (views, bands)."""
+    cosine = float(np.cos(np.deg2rad(incidence)))
+    if kind == "albedo":
+        return position_free.albedo(oracle_stack(stack), cosine, paths, rng)
+    angle, azimuth = np.array(VIEWS).T
+    views = Views(np.cos(np.deg2rad(angle)), azimuth)
+    return position_free.reflectance_factor(oracle_stack(stack), cosine, views, paths, rng)
+
+
+def read(path: Path) -> dict[str, Tally]:
+    """Sums so far, by 'stack | kind | incidence'."""
+    if not path.exists():
+        return {}
+    kept = json.loads(path.read_text())
+    return {
+        key: Tally(one["paths"], *(np.array(one[name]) for name in ("total", "squares"))) for key, one in kept.items()
+    }
+
+
+def key_of(stack: LayeredStack, kind: str, incidence: float) -> str:
+    """Its name in the file."""
+    return f"{stack.name} | {kind} | {incidence:g}"
+
+
+def write(path: Path, tallies: dict[str, Tally]) -> None:
+    """All sums, or the old file if this is interrupted."""
+    plain = {
+        key: {"paths": one.paths, "total": _digits(one.total), "squares": _digits(one.squares)}
+        for key, one in tallies.items()
+    }
+    fresh = path.with_suffix(".part")
+    fresh.write_text("{\n" + ",\n".join(f"{json.dumps(k)}: {json.dumps(v)}" for k, v in plain.items()) + "\n}\n")
+    fresh.replace(path)
+
+
+def run(path: Path, minutes: float, seconds: float = 2.0, say: Callable[[str], None] = print) -> dict[str, Tally]:
+    """Add paths for so long, ``seconds`` a stack, kind and incidence in each round; the file grows after each stack."""
+    tallies, end, round_ = read(path), time.monotonic() + 60.0 * minutes, 0
+    while time.monotonic() < end:
+        round_ += 1
+        for number, stack in enumerate(STACKS):
+            if time.monotonic() >= end:
+                break
+            for kind in KINDS:
+                for incidence in INCIDENCES:
+                    key = key_of(stack, kind, incidence)
+                    done = tallies[key].paths if key in tallies else 0
+                    # Paths so far are part of the seed: a later run draws others.
+                    rng = np.random.default_rng([number, KINDS.index(kind), int(incidence), done])
+                    stop = time.monotonic() + seconds
+                    while time.monotonic() < stop:
+                        fresh = chunk(stack, kind, incidence, CHUNK[kind], rng)
+                        tallies[key] = tallies[key].plus(fresh) if key in tallies else fresh
+            write(path, tallies)
+        say(f"round {round_}: {sum(one.paths for one in tallies.values()):.3g} paths in all")
+    return tallies
+
+
+def _digits(values: np.ndarray) -> list:
+    return json.loads(json.dumps(values.tolist()), parse_float=lambda text: float(f"{float(text):.12g}"))
