@@ -8,15 +8,16 @@ pi f of the body for light from i, seen from o:
 
     scaling     (1 - E(o)) C b                                            not reciprocal; Autodesk Standard Surface
     reciprocal  (1 - E(i)) (1 - E(o)) / (1 - <E>) C b                     Kelemen and Szirmay-Kalos 2001
-    OpenPBR     (1 - E(o)) t^(1/mu'_i + 1/mu'_o) b (1 - K)/(1 - b K)      OpenPBR 1.1, 'Darkening' and 'View-dependent
-                                                                          absorption', K = 1 - (1 - <E>)/n^2 (base rough)
+    OpenPBR     (1 - E(o)) t^(1/mu'_i + 1/mu'_o) b (1 - K)/(1 - b K)      OpenPBR 1.1, 'Darkening' (K of a rough base)
+                                                                          and 'View-dependent absorption'
     Belcour     (1 - E(o)) t^(1/mu'_o) b t' (1 - K)/(1 - b K t'^2)        adding of Belcour 2018, t' = t^(3/2)
 
-<E> is the mean of E over even light. The last is our reading: Belcour's operators carry energy, mean direction and
-variance of lobes that stay narrow. A diffuse base has no such lobe, so only his adding of energies is left: the coat's
-reflectance seen from below and its transmittance, averaged over the base's even light, whose mean cosine 2/3 is its
-direction in the coat. What leaves is taken as a Lambertian lobe. Scattering inside a coat is forward in his medium
-and turns no light back: it does not change energies.
+<E> is the mean of E over even light, K = 1 - (1 - <E>)/n^2 the surface's reflectance for even light from below. (In the
+darkening's denominator the reference viewer of OpenPBR has b K C, the specification b K.) The last rule is our reading:
+Belcour's operators carry energy, mean direction and variance of lobes that stay narrow. A diffuse base has no such
+lobe, so only his adding of energies is left: the coat's reflectance seen from below and its transmittance, averaged
+over the base's even light, whose mean cosine 2/3 is its direction in the coat. What leaves is taken as a Lambertian
+lobe. Scattering inside a coat is forward in his medium and turns no light back: it does not change energies.
 
 The albedo is that seen from o under even light (a white furnace); by reciprocity the truth's is that of a beam.
 """

@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
+from tests.oracles.position_free import Tally
 
 from benchmarks.layer_rules import RULES
 from benchmarks.layered_stacks import INCIDENCES, VIEWS, LayeredStack
 from benchmarks.layered_values import Surface, Values
-from tests.oracles.position_free import Tally
 
 HEADER = """\
 Reflection of 24 layered paints: reference values by glazejax and by position-free Monte Carlo.
@@ -25,7 +25,7 @@ alpha: GGX roughness of the outer surface (0: smooth Fresnel); Smith's separable
 kind albedo: directional-hemispherical reflectance at the angle of incidence (= albedo seen from there in even light).
 kind factor: pi times the BRDF in 1/sr. Angles in degrees in air; azimuth 0 is the mirror side, 180 back to the light.
 body: light that comes from below the surface, by glazejax. surface: what the surface reflects at once, by glazejax; the
-  sum of both is the whole. A smooth surface's mirror image is a delta in the mirror direction and is left out of factors.
+  sum of both is the whole. A smooth surface's mirror image is a delta in the mirror direction and is not in factors.
 monte_carlo, standard_error, paths: the body by paths; values of one stack and incidence share paths.
 scaling, reciprocal, openpbr, belcour: the body by the layer rules of renderers (benchmarks/layer_rules.py)."""
 
@@ -46,8 +46,10 @@ def write_table(path: Path, all_found: Sequence) -> None:
         file.writelines(f"# {line}\n" for line in HEADER.splitlines())
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(
-            ["number", "name", "stack", "ground", "alpha", "kind", "incidence", "viewing", "azimuth", "band", "body"]
-            + ["surface", "monte_carlo", "standard_error", "paths", *RULES]
+            [
+                *("number", "name", "stack", "ground", "alpha", "kind", "incidence", "viewing", "azimuth", "band"),
+                *("body", "surface", "monte_carlo", "standard_error", "paths", *RULES),
+            ]
         )
         for number, found in enumerate(all_found, 1):
             writer.writerows(_lines(number, found))

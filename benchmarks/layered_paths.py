@@ -1,4 +1,4 @@
-"""Paths by chance for the stacks of `layered_stacks`: added up round by round in a file, so that a run may be stopped."""
+"""Paths by chance for the stacks of `layered_stacks`, added up in a file round by round: a run may be stopped."""
 
 import json
 import time
@@ -6,10 +6,10 @@ from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
-
-from benchmarks.layered_stacks import INCIDENCES, STACKS, VIEWS, LayeredStack
 from tests.oracles import position_free
 from tests.oracles.position_free import Stack, Tally, Views
+
+from benchmarks.layered_stacks import INCIDENCES, STACKS, VIEWS, LayeredStack
 
 KINDS = ("albedo", "factor")
 CHUNK = {"albedo": 20_000, "factor": 5_000}

@@ -1,4 +1,4 @@
-"""Limits of the renderers' layer rules: no coat, nothing absorbed, reciprocity, and what is exact; the table of truth."""
+"""Limits of the renderers' layer rules: no coat, nothing absorbed, reciprocity, what is exact; the table of truth."""
 
 from pathlib import Path
 
@@ -61,7 +61,7 @@ def test_only_one_is_reciprocal():
 
 
 def test_darkening_is_exact_on_a_diffuse_base():
-    """A clear smooth coat on a Lambertian ground: the albedo of OpenPBR and of Belcour's adding is that of the solver."""
+    """A clear smooth coat on a Lambertian ground: OpenPBR's and Belcour's albedo is the solver's."""
     even, _, seen = _smooth(1.5)
     coat = Coat(BASE, CLEAR, 1.5, even)
     exact = stack_hemispherical_reflectance(

@@ -1,6 +1,6 @@
-"""A rough dielectric surface, facet by facet: what `position_free` follows light through, and its reflection in numbers.
+"""A rough dielectric surface, facet by facet: for `position_free` to follow light through, and its own reflection.
 
-Facets have the GGX distribution of width alpha and the separable Smith shadowing of Walter et al. (2007), and reflect by
+Facets have the GGX distribution of width alpha and the separable Smith shadowing of Walter et al. (2007), reflecting by
 Fresnel's law for unpolarised light. A facet's light that shadowing takes away comes back in a lobe without azimuth, so
 that nothing is lost (after Kulla and Conty 2017, for both sides at once): with c(x) the share that direction x loses,
 and the measure dm = n^2 cos dω of each side, the kernel gains c(x) c(y)/C, C = integral of c dm over both sides.
