@@ -12,7 +12,9 @@ from tests.oracles.position_free import Stack, Tally, Views
 from benchmarks.layered_stacks import INCIDENCES, STACKS, VIEWS, LayeredStack
 
 KINDS = ("albedo", "factor")
-CHUNK = {"albedo": 20_000, "factor": 5_000}
+CHUNK = {"albedo": 20_000, "factor": 20_000}
+GOAL = {"albedo": 1.0, "factor": 4.0}
+"""Of the standard errors, relative to each other."""
 """Paths side by side: their arrays stay in a cache."""
 
 
@@ -57,26 +59,31 @@ def write(path: Path, tallies: dict[str, Tally]) -> None:
     fresh.replace(path)
 
 
-def run(path: Path, minutes: float, seconds: float = 2.0, say: Callable[[str], None] = print) -> dict[str, Tally]:
-    """Add paths for so long, ``seconds`` a stack, kind and incidence in each round; the file grows after each stack."""
-    tallies, end, round_ = read(path), time.monotonic() + 60.0 * minutes, 0
+def run(path: Path, minutes: float, say: Callable[[str], None] = print) -> dict[str, Tally]:
+    """Add paths for so long, always where the error is largest; the file grows every ten seconds."""
+    tallies, end = read(path), time.monotonic() + 60.0 * minutes
+    jobs = {key_of(s, k, i): (n, s, k, i) for n, s in enumerate(STACKS) for k in KINDS for i in INCIDENCES}
+    left = {
+        key: float(tallies[key].error.max()) / GOAL[job[2]] if key in tallies else np.inf for key, job in jobs.items()
+    }
+    kept = told = time.monotonic()
     while time.monotonic() < end:
-        round_ += 1
-        for number, stack in enumerate(STACKS):
-            if time.monotonic() >= end:
-                break
-            for kind in KINDS:
-                for incidence in INCIDENCES:
-                    key = key_of(stack, kind, incidence)
-                    done = tallies[key].paths if key in tallies else 0
-                    # Paths so far are part of the seed: a later run draws others.
-                    rng = np.random.default_rng([number, KINDS.index(kind), int(incidence), done])
-                    stop = time.monotonic() + seconds
-                    while time.monotonic() < stop:
-                        fresh = chunk(stack, kind, incidence, CHUNK[kind], rng)
-                        tallies[key] = tallies[key].plus(fresh) if key in tallies else fresh
+        key = max(left, key=left.__getitem__)
+        number, stack, kind, incidence = jobs[key]
+        done = tallies[key].paths if key in tallies else 0
+        # Paths so far are part of the seed: a later run draws others.
+        rng = np.random.default_rng([number, KINDS.index(kind), int(incidence), done])
+        fresh = chunk(stack, kind, incidence, CHUNK[kind], rng)
+        tallies[key] = tallies[key].plus(fresh) if key in tallies else fresh
+        left[key] = float(tallies[key].error.max()) / GOAL[kind]
+        if time.monotonic() > kept + 10.0:
             write(path, tallies)
-        say(f"round {round_}: {sum(one.paths for one in tallies.values()):.3g} paths in all")
+            kept = time.monotonic()
+        if time.monotonic() > told + 60.0:
+            paths = sum(one.paths for one in tallies.values())
+            say(f"{paths:.3g} paths in all, largest error of an albedo {max(left.values()):.1e}")
+            told = time.monotonic()
+    write(path, tallies)
     return tallies
 
 

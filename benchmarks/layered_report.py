@@ -143,9 +143,7 @@ def times(all_found: list[Found], say: Results) -> None:
         f"\nProcessor time on one core. glazejax: all {albedos} albedos and all {factors} factors of a stack, tolerance"
     )
     say(f"{WANTED:g}, compiled (best of 5), and the largest error met; 'first': seconds of the first call, compilation")
-    say(
-        "(of each shape once) and a rough surface's operators in it. Monte Carlo: paths timed here (best of 3), for a"
-    )
+    say("(of each shape once) and a rough surface's operators in it. Monte Carlo: paths timed here (best of 3), for a")
     say(f"largest standard error of {WANTED:g} by 1/sqrt(paths); its bands share paths.")
     columns = f"{'ms':>8}{'first':>7}{'error':>9}{'MC s':>8}{'ratio':>9}"
     say(f"{'':<36}{'albedo':>41}{'reflectance factor':>41}")

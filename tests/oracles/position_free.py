@@ -6,9 +6,10 @@ ground, and leaves. Each estimate is unbiased. Absorption is a weight for each b
 drawn by scattering alone, so that all bands of a stack share them.
 
     albedo    paths that leave are counted (analog)
-    BRDF      at each scattering and ground reflection the light that goes straight to the eye is added: through a
-              smooth surface along the eye's own beams, with all their mirror images between layers; through a rough
-              one along a facet or lobe direction drawn from the eye ("next event through the surface")
+    BRDF      at each scattering and ground reflection the light that goes straight to one of the views, drawn anew
+              each time, is added: through a smooth surface along the view's own beams, with all their mirror images
+              between layers; through a rough one along a facet or lobe direction drawn from the view ("next event
+              through the surface")
 
 The surface's own reflection is not in it (`rough_surface.surface_factor` has it). Nothing is shared with glazejax.
 Azimuth is that of glazejax: degrees between the horizontal directions of travel, 0 the mirror side.
@@ -103,7 +104,8 @@ def _walk(stack: Stack, cos_incidence: float, views: Views | None, paths: int, r
         if hit.size:
             old = x[hit], y[hit], z[hit]
             if eye is not None:
-                score[index[hit]] += eye.scattered(layer[hit], depth[hit], old, weight[hit])
+                view = rng.integers(len(eye.cosine), size=hit.size)
+                score[index[hit], view] += eye.scattered(view, layer[hit], depth[hit], old, weight[hit])
             x[hit], y[hit], z[hit] = _turned(rng, old, stack.g[layer[hit]])
 
         down = ~scatters & (z > 0)
@@ -113,7 +115,8 @@ def _walk(stack: Stack, cos_incidence: float, views: Views | None, paths: int, r
         if bottom.size:
             weight[bottom] *= stack.ground
             if eye is not None:
-                score[index[bottom]] += eye.thrown_back(weight[bottom])
+                view = rng.integers(len(eye.cosine), size=bottom.size)
+                score[index[bottom], view] += eye.thrown_back(view, weight[bottom])
             x[bottom], y[bottom], upward = lambert(rng, bottom.size)
             z[bottom] = -upward
 
@@ -208,6 +211,7 @@ class _SmoothEye:
     def __init__(self, stack: Stack, views: Views, rng: Generator, lobe: Lobe):
         n, extinction = stack.refractive_index, stack.scattering[:, None] + stack.absorption
         layers, bands = extinction.shape
+        self.cosine = views.cosine
         sine, turn = np.sqrt(1.0 - views.cosine**2), np.deg2rad(views.azimuth)
         self._cosine = np.sqrt(1.0 - (sine[:, None] / n) ** 2)  # (views, layers)
         self._across = sine * np.cos(turn), sine * np.sin(turn)  # n sin is kept through all layers
@@ -234,57 +238,57 @@ class _SmoothEye:
         self._down, self._up = down, up
         self._ground = down[:, -1] * np.exp(-extinction[-1] / self._cosine[:, -1:]) / n[-1] ** 2
 
-    def scattered(self, layer: np.ndarray, depth: np.ndarray, direction: Vectors, weight: np.ndarray) -> np.ndarray:
-        """Light that goes straight to the eye from where paths scatter, (paths, views, bands)."""
+    def scattered(
+        self, view: np.ndarray, layer: np.ndarray, depth: np.ndarray, direction: Vectors, weight: np.ndarray
+    ) -> np.ndarray:
+        """Light that goes straight to each path's view from where it scatters, (paths, bands), times all views."""
         n, g = self._stack.refractive_index[layer], self._stack.g[layer]
-        cosine = self._cosine[:, layer].T[:, :, None]  # (paths, views, 1)
-        extinction = self._extinction[layer][:, None, :]
-        flat = (np.outer(direction[0] / n, self._across[0]) + np.outer(direction[1] / n, self._across[1]))[:, :, None]
-        result = 0.0
+        cosine, extinction = self._cosine[view, layer], self._extinction[layer]
+        flat = (direction[0] * self._across[0][view] + direction[1] * self._across[1][view]) / n
+        result = np.zeros_like(weight)
         for importance, away, sign in ((self._down, depth, -1.0), (self._up, 1.0 - depth, 1.0)):
-            if not importance.any():
-                continue
-            toward = flat + sign * direction[2][:, None, None] * cosine
-            reach = importance[:, layer].transpose(1, 0, 2) * np.exp(-extinction * away[:, None, None] / cosine)
-            result = result + _phase(toward, g[:, None, None]) * reach
-        return result * weight[:, None, :] / (4.0 * cosine * n[:, None, None] ** 2)
+            if importance.any():
+                toward = _phase(flat + sign * direction[2] * cosine, g)
+                reach = importance[view, layer] * np.exp(-extinction * (away / cosine)[:, None])
+                result += toward[:, None] * reach
+        return result * weight * (len(self.cosine) / (4.0 * cosine * n**2))[:, None]
 
-    def thrown_back(self, weight: np.ndarray) -> np.ndarray:
+    def thrown_back(self, view: np.ndarray, weight: np.ndarray) -> np.ndarray:
         """The same from the ground, for weights after it."""
-        return weight[:, None, :] * self._ground
+        return weight * self._ground[view] * len(self.cosine)
 
 
 class _RoughEye:
     """Directions drawn from the eye through the surface anew at each event."""
 
     def __init__(self, stack: Stack, views: Views, rng: Generator, lobe: Lobe):
-        sine, turn = np.sqrt(1.0 - views.cosine**2), np.deg2rad(views.azimuth)
-        self._views = sine * np.cos(turn), sine * np.sin(turn), np.asarray(views.cosine, float)
+        self.cosine = np.asarray(views.cosine, float)
+        sine, turn = np.sqrt(1.0 - self.cosine**2), np.deg2rad(views.azimuth)
+        self._views = sine * np.cos(turn), sine * np.sin(turn), self.cosine
         self._stack, self._rng, self._lobe = stack, rng, lobe
         self._extinction = stack.scattering[:, None] + stack.absorption
         self._above = np.concatenate([np.zeros((1, self._extinction.shape[1])), np.cumsum(self._extinction, axis=0)])
 
-    def _drawn(self, count: int) -> tuple[Vectors, np.ndarray]:
-        """Directions of travel to the eye, (count, views), third component upwards, and weights."""
-        seen = tuple(np.tile(c, count) for c in self._views)
-        (x, y, z), weight = _through_rough(self._stack, (seen[0], seen[1], seen[2]), self._rng, self._lobe)
-        shape = count, len(self._views[2])
-        weight = (weight / self._stack.refractive_index[0] ** 2).reshape(shape)
+    def _drawn(self, view: np.ndarray) -> tuple[Vectors, np.ndarray]:
+        """Directions of travel to the view, third component upwards, and weights, times all views."""
+        x, y, z = (component[view] for component in self._views)
+        (x, y, z), weight = _through_rough(self._stack, (x, y, z), self._rng, self._lobe)
         # What goes down from the eye comes up to it.
-        return (-x.reshape(shape), -y.reshape(shape), np.maximum(z, 1e-12).reshape(shape)), weight
+        return (-x, -y, np.maximum(z, 1e-12)), weight * len(self.cosine) / self._stack.refractive_index[0] ** 2
 
-    def scattered(self, layer: np.ndarray, depth: np.ndarray, direction: Vectors, weight: np.ndarray) -> np.ndarray:
+    def scattered(
+        self, view: np.ndarray, layer: np.ndarray, depth: np.ndarray, direction: Vectors, weight: np.ndarray
+    ) -> np.ndarray:
         """As `_SmoothEye.scattered`."""
-        (x, y, z), reach = self._drawn(len(layer))
-        toward = direction[0][:, None] * x + direction[1][:, None] * y - direction[2][:, None] * z
-        reach = reach * _phase(toward, self._stack.g[layer][:, None]) / (4.0 * z)
+        (x, y, z), reach = self._drawn(view)
+        reach = reach * _phase(direction[0] * x + direction[1] * y - direction[2] * z, self._stack.g[layer]) / (4.0 * z)
         above = self._above[layer] + self._extinction[layer] * depth[:, None]
-        return weight[:, None, :] * reach[:, :, None] * np.exp(-above[:, None, :] / z[:, :, None])
+        return weight * reach[:, None] * np.exp(-above / z[:, None])
 
-    def thrown_back(self, weight: np.ndarray) -> np.ndarray:
+    def thrown_back(self, view: np.ndarray, weight: np.ndarray) -> np.ndarray:
         """As `_SmoothEye.thrown_back`."""
-        (_, _, z), reach = self._drawn(len(weight))
-        return weight[:, None, :] * reach[:, :, None] * np.exp(-self._above[-1] / z[:, :, None])
+        (_, _, z), reach = self._drawn(view)
+        return weight * reach[:, None] * np.exp(-self._above[-1] / z[:, None])
 
 
 def _phase(cosine: np.ndarray, g: np.ndarray) -> np.ndarray:
