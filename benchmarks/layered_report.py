@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
+from tests.oracles import rough_surface
 from tests.oracles.position_free import Tally
 
 from benchmarks import layered_paths, layered_values
@@ -64,6 +65,21 @@ def agreement(all_found: list[Found], say: Results) -> None:
     _shares(say, "one band and view of each run: these are independent", independent)
     total, count = np.sum(independent**2), independent.size
     say(f"sum of squares of the last line {total:.1f}; expected {count} +- {np.sqrt(2 * count):.1f}")
+    _surfaces(all_found, say)
+
+
+def _surfaces(all_found: list[Found], say: Results) -> None:
+    """The surface's own reflection by both."""
+    lit, seen, azimuth = layered_values.cosines()
+    albedos, factors = [0.0], [0.0]
+    for found in all_found:
+        alpha, n = found.stack.roughness, found.stack.indices[0]
+        albedos.append(np.max(np.abs(rough_surface.surface_albedo(lit, alpha, n) - found.surface.lit)))
+        if alpha:
+            other = rough_surface.surface_factor(lit[:, None], seen, azimuth, alpha, n)
+            factors.append(np.max(np.abs(other / found.surface.factor - 1.0)))
+    say("the surfaces' own reflection, glazejax against the oracle's quadrature: largest difference of an albedo")
+    say(f"{max(albedos):.1e}, largest relative difference of a reflection factor {max(factors):.1e}")
 
 
 def _shares(say: Results, name: str, z: np.ndarray) -> None:

@@ -148,7 +148,8 @@ def shares(cosine: np.ndarray, alpha: float, ratio: float, points: int = 150) ->
 
 def loss(cosine: np.ndarray, alpha: float, ratio: float, points: int = 150) -> np.ndarray:
     """Share c of a direction's light that neither comes back nor goes through at one facet."""
-    return 1.0 - sum(shares(cosine, alpha, ratio, points))
+    back, through = shares(cosine, alpha, ratio, points)
+    return 1.0 - back - through
 
 
 class Lost(NamedTuple):

@@ -1,10 +1,13 @@
 """The position-free paths on their own: closed forms, conservation, reciprocity, another program of paths."""
 
 import functools
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.special import expn
+
+from glazejax.radiative import rough
 
 from . import position_free, rough_surface
 from .monte_carlo import Indexed, Paint, simulate, simulate_fluxes
@@ -13,7 +16,7 @@ from .position_free import Stack, Views
 COS = np.cos(np.deg2rad([0.0, 20.0, 45.0, 70.0]))
 
 
-def _stack(scattering, absorption, *, g=0.0, index=1.5, ground=0.6, roughness=0.0) -> Stack:
+def _stack(scattering, absorption, *, g: Any = 0.0, index: Any = 1.5, ground=0.6, roughness=0.0) -> Stack:
     count = len(scattering)
     return Stack(
         np.array(scattering, float),
@@ -189,3 +192,19 @@ def test_closed_form_to_a_thousandth(alpha):
     found = position_free.albedo(stack, float(COS[3]), 1_500_000, np.random.default_rng(9))
     assert _close(found, (1 - albedo[3]) * 0.9 * (1 - inside) / (1 - 0.9 * inside), least=5e-5)
     assert found.error.max() < 3e-4
+
+
+@pytest.mark.parametrize(
+    ("alpha", "paths"), [(0.3, 40_000), *(pytest.param(a, 1_000_000, marks=pytest.mark.slow) for a in (0.05, 0.5))]
+)
+def test_paint_under_a_rough_surface(alpha, paths):
+    """The solver's albedo and reflection factors within the errors of paths; each makes the surface in its own way."""
+    stack = _stack([0.3, 2.0], [[0.2, 0.02], [0.4, 0.03]], ground=0.5, roughness=alpha)
+    s, k = stack.scattering, stack.absorption.T
+    rng, azimuth = np.random.default_rng(10), np.array([0.0, 0.0, 90.0, 180.0])
+    flux = position_free.albedo(stack, float(COS[3]), paths, rng)
+    factor = position_free.reflectance_factor(stack, float(COS[3]), Views(COS, azimuth), paths // 4, rng)
+    given: dict[str, Any] = {"roughness": alpha, "cos_incidence": float(COS[3]), "tolerance": 1e-4}
+    paint = s / (s + k), s + k, 0.5
+    assert _close(flux, rough.rough_hemispherical_reflectance(*paint, **given))
+    assert _close(factor, rough.rough_reflectance_factor(*paint, cos_viewing=COS[:, None], **given))
