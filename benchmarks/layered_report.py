@@ -2,8 +2,9 @@
 
 import time
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+import jax
 import numpy as np
 from tests.oracles import rough_surface
 from tests.oracles.position_free import Tally
@@ -158,26 +159,26 @@ def times(all_found: list[Found], say: Results) -> None:
     say(
         f"\nProcessor time on one core. glazejax: all {albedos} albedos and all {factors} factors of a stack, tolerance"
     )
-    say(f"{WANTED:g}, compiled (best of 5), and the largest error met; 'first': seconds of the first call, compilation")
-    say("(of each shape once) and a rough surface's operators in it. Monte Carlo: paths timed here (best of 3), for a")
-    say(f"largest standard error of {WANTED:g} by 1/sqrt(paths); its bands share paths.")
-    columns = f"{'ms':>8}{'first':>7}{'error':>9}{'MC s':>8}{'ratio':>9}"
-    say(f"{'':<36}{'albedo':>41}{'reflectance factor':>41}")
-    say(f"{'stack':<36}{columns}{columns}")
+    say(f"{WANTED:g}, compiled and with a rough surface's operators made (best of 5), and the largest error. Monte")
+    say(
+        f"Carlo: paths timed here (best of 3), for a largest standard error of {WANTED:g} by 1/sqrt(paths); bands share"
+    )
+    say("paths, and so do the views of an incidence.")
+    columns = f"{'ms':>9}{'error':>9}{'MC s':>9}{'ratio':>9} "
+    say(f"{'':<36}{'albedo':>36}{'reflectance factor':>37}")
+    say(f"{'stack':<36}{columns}{columns}".rstrip())
     ratios: dict[str, list[float]] = {kind: [] for kind in KINDS}
     for found in all_found:
         line = f"{found.stack.name:<36}"
         made = layered_values.programs(found.stack, layered_values.methods(found.stack)[0], WANTED)
         for kind, program in zip(KINDS, made, strict=True):
-            start = time.process_time()
             value = np.moveaxis(np.asarray(program(), float), 0, -1)
-            first = time.process_time() - start
-            ours = min(_seconds(program) for _ in range(5))
             error = float(np.max(np.abs(value - getattr(found.truth, kind))))
+            ours = min(_timed(program)[0] for _ in range(5))
             theirs = _seconds_of_paths(found, kind)
             ratios[kind].append(theirs / ours)
-            line += f"{1e3 * ours:8.2f}{first:7.1f}{error:9.1e}{theirs:8.0f}{theirs / ours:9.1e}"
-        say(line)
+            line += f"{1e3 * ours:9.2f}{error:9.1e}{theirs:9.0f}{theirs / ours:9.1e} "
+        say(line.rstrip())
     for kind in KINDS:
         values = np.array(ratios[kind])
         low, high, middle = values.min(), values.max(), np.median(values)
@@ -185,19 +186,17 @@ def times(all_found: list[Found], say: Results) -> None:
 
 
 def _seconds_of_paths(found: Found, kind: str) -> float:
-    """For the standard error wanted at all incidences."""
+    """For the standard error wanted, at all incidences."""
     rng, size, total = np.random.default_rng(7), layered_paths.CHUNK[kind], 0.0
-    for angle, tally in zip(INCIDENCES, found.paths[kind], strict=True):
-
-        def some(angle: float = angle) -> Tally:
-            return layered_paths.chunk(found.stack, kind, angle, size, rng)
-
-        one = min(_seconds(lambda: some().total) for _ in range(3)) / size
-        total += one * tally.paths * (float(tally.error.max()) / WANTED) ** 2
+    for angle in INCIDENCES:
+        runs = [_timed(lambda a=angle: layered_paths.chunk(found.stack, kind, a, size, rng)) for _ in range(3)]
+        tally = runs[0][1].plus(runs[1][1]).plus(runs[2][1])
+        total += min(run[0] for run in runs) / size * tally.paths * (float(tally.error.max()) / WANTED) ** 2
     return total
 
 
-def _seconds(program: Callable) -> float:
+def _timed(program: Callable[[], Any]) -> tuple[float, Any]:
+    """Processor seconds and result."""
     start = time.process_time()
-    np.asarray(program())
-    return time.process_time() - start
+    result = jax.block_until_ready(program())
+    return time.process_time() - start, result

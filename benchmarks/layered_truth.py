@@ -75,10 +75,11 @@ def main() -> None:
     all_found = [evaluate(stack, tallies) for stack in STACKS]
     agreement(all_found, say)
     rule_errors(all_found, say)
-    if not options.no_times:
-        times(all_found, say)
     write_table(options.out / "layered_truth.csv", all_found)
     say.save()
+    if not options.no_times:
+        times(all_found, say)
+        say.save()
 
 
 if __name__ == "__main__":
