@@ -24,7 +24,7 @@ from benchmarks.layered_values import Values
 from benchmarks.results import Results, add_option
 from benchmarks.timing import environment
 
-FINE = {"rough": 1e-5, "ordinates": 1e-8, "manyflux": 1e-6, "modes": 1e-6}
+FINE = {"rough": 1e-5, "ordinates": 1e-8, "manyflux": 1e-6}
 """Tolerance of the table, by method."""
 
 

@@ -27,7 +27,7 @@ def methods(stack: LayeredStack) -> list[str]:
         return ["rough"]
     if stack.isotropic and stack.uniform:
         return ["ordinates", "manyflux"]
-    return ["manyflux", "modes"]
+    return ["manyflux"]
 
 
 def programs(stack: LayeredStack, method: str, tolerance: float) -> tuple[Callable[[], Any], Callable[[], Any]]:
@@ -49,13 +49,21 @@ def programs(stack: LayeredStack, method: str, tolerance: float) -> tuple[Callab
         given["method"] = method
         hemispherical, factor = stack_hemispherical_reflectance, stack_reflectance_factor
     else:
-        given["solution"] = "modes" if method == "modes" else "doubling"
         if not stack.uniform:
             given["refractive_index"] = stack.indices
         if not stack.isotropic:
-            given["phase"] = np.asarray(phase.henyey_greenstein(stack.g, 80))
-        factors["azimuth"] = azimuth
-        hemispherical, factor = manyflux.manyflux_hemispherical_reflectance, manyflux.manyflux_reflectance_factor
+            given["phase"] = np.asarray(phase.henyey_greenstein(stack.g, 48))
+        cosine, v = np.unique(seen, return_inverse=True)
+        turned, z = np.unique(azimuth, return_inverse=True)
+
+        def table() -> np.ndarray:
+            axes = {"cos_incidence": lit, "cos_viewing": cosine, "azimuth": turned}
+            found = manyflux.brdf_table(a, t, stack.ground, **axes, **given)  # (bands, views, incidences, azimuths)
+            return np.pi * np.asarray(found)[:, v, :, z].transpose(1, 2, 0)
+
+        return lambda: manyflux.manyflux_hemispherical_reflectance(
+            a[one], t[one], stack.ground, **fluxes, **given
+        ), table
     return (
         lambda: hemispherical(a[one], t[one], stack.ground, **fluxes, **given),
         lambda: factor(a[two], t[two], stack.ground, **factors, **given),
