@@ -1,0 +1,86 @@
+"""The truth for layered paint, found in two ways, and what the layer rules of renderers make of it.
+
+    python -m benchmarks.layered_truth [--paths-minutes 10] [--out FOLDER]
+
+24 stacks (`benchmarks/layered_stacks.py`) by glazejax, by position-free Monte Carlo (`tests/oracles/position_free.py`)
+and by four rules (`benchmarks/layer_rules.py`). Writes layered_truth.txt, the summary; layered_truth.csv, every value
+with Monte Carlo's and its standard error; and layered_truth_paths.json, the sums of all paths so far, to which
+--paths-minutes adds (it may be stopped at any time). docs/layered-truth.md explains.
+"""
+
+import argparse
+import os
+
+import numpy as np
+from tests.oracles.position_free import Tally
+
+from benchmarks import layer_rules, layered_paths, layered_values
+from benchmarks.layer_rules import RULES, Coat
+from benchmarks.layered_csv import write_table
+from benchmarks.layered_paths import KINDS, key_of
+from benchmarks.layered_report import Found, agreement, rule_errors, times
+from benchmarks.layered_stacks import BANDS, INCIDENCES, STACKS, VIEWS, LayeredStack
+from benchmarks.layered_values import Values
+from benchmarks.results import Results, add_option
+from benchmarks.timing import environment
+
+FINE = {"rough": 1e-5, "ordinates": 1e-8, "manyflux": 1e-6}
+"""Tolerance of the table, by method."""
+
+
+def evaluate(stack: LayeredStack, tallies: dict[str, Tally]) -> Found:
+    """Truth, second method and rules."""
+    both = [layered_values.values(stack, method, FINE[method]) for method in layered_values.methods(stack)]
+    apart = None
+    if len(both) == 2:
+        apart = max(float(np.max(np.abs(one - two))) for one, two in zip(*both, strict=True))
+    surface = layered_values.surface(stack)
+    absorbed = np.sum(stack.absorption[: stack.coats], axis=0)
+    coat = Coat(layered_values.base_reflectance(stack), np.exp(-absorbed), stack.indices[0], surface.even)
+    lit, seen, _ = layered_values.cosines()
+    rules = {
+        rule: Values(
+            layer_rules.albedo(rule, coat, (lit, surface.lit)),
+            layer_rules.factor(rule, coat, (lit, surface.lit), (seen, surface.seen)),
+        )
+        for rule in RULES
+    }
+    paths = {kind: [tallies[key_of(stack, kind, angle)] for angle in INCIDENCES] for kind in KINDS}
+    return Found(stack, surface, both[0], apart, paths, rules)
+
+
+def main() -> None:
+    """See the module."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    add_option(parser)
+    parser.add_argument("--paths-minutes", type=float, default=0.0, help="follow paths for so long first")
+    parser.add_argument("--no-times", action="store_true", help="leave the times out")
+    options = parser.parse_args()
+    if hasattr(os, "sched_setaffinity"):
+        os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})  # one core for both
+    sums = options.out / "layered_truth_paths.json"
+    tallies = layered_paths.run(sums, options.paths_minutes) if options.paths_minutes > 0 else layered_paths.read(sums)
+    missing = [s.name for s in STACKS for k in KINDS for i in INCIDENCES if key_of(s, k, i) not in tallies]
+    if missing:
+        raise SystemExit(f"{sums} has no paths of {missing[0]!r}; run again with --paths-minutes 10")
+
+    import jax
+
+    jax.config.update("jax_enable_x64", True)
+    say = Results("layered_truth", options.out)
+    say(environment())
+    lights, angles = ", ".join(f"{a:g}" for a in INCIDENCES), ", ".join(f"{a:g}/{z:g}" for a, z in VIEWS)
+    say(f"{len(STACKS)} stacks x {BANDS} bands; light at {lights} degrees, views (angle/azimuth) {angles}.")
+    say("Body only: the light that comes from below the surface. docs/layered-truth.md says what everything means.")
+    all_found = [evaluate(stack, tallies) for stack in STACKS]
+    agreement(all_found, say)
+    rule_errors(all_found, say)
+    write_table(options.out / "layered_truth.csv", all_found)
+    say.save()
+    if not options.no_times:
+        times(all_found, say)
+        say.save()
+
+
+if __name__ == "__main__":
+    main()

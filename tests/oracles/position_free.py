@@ -1,0 +1,321 @@
+"""Position-free Monte Carlo of layers under a smooth or rough surface, after Guo, Hašan and Zhao (2018): an oracle.
+
+Layers have no sides, so a path is a list of depths and directions. It enters through the surface, flies between
+scatterings, passes or is mirrored by smooth surfaces between layers of different index, is thrown back by a Lambertian
+ground, and leaves. Each estimate is unbiased. Absorption is a weight for each band, exp(-k t) along the path; paths are
+drawn by scattering alone, so that all bands of a stack share them.
+
+    albedo    paths that leave are counted (analog)
+    BRDF      at each scattering and ground reflection the light that goes straight to one of the views, drawn anew
+              each time, is added: through a smooth surface along the view's own beams, with all their mirror images
+              between layers; through a rough one along a facet or lobe direction drawn from the view ("next event
+              through the surface")
+
+The surface's own reflection is not in it (`rough_surface.surface_factor` has it). Nothing is shared with glazejax.
+Azimuth is that of glazejax: degrees between the horizontal directions of travel, 0 the mirror side.
+
+Source: Guo, Hašan, Zhao, ACM Trans. Graph. 37(6), 2018, sections 4 and 5 (without their multiple importance sampling:
+nothing here but the surface is peaked).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.random import Generator
+
+from .rough_surface import Lobe, Vectors, facets, fresnel, lambert
+
+
+class Stack(NamedTuple):
+    """Layers top first, on a Lambertian ground."""
+
+    scattering: np.ndarray  # (layers,), s times thickness
+    absorption: np.ndarray  # (layers, bands), k times thickness
+    g: np.ndarray  # (layers,), Henyey and Greenstein's mean cosine
+    refractive_index: np.ndarray  # (layers,)
+    ground: float
+    roughness: float  # alpha of GGX, of the outer surface
+
+
+class Views(NamedTuple):
+    """Directions of the eye in air, (views,)."""
+
+    cosine: np.ndarray
+    azimuth: np.ndarray  # degrees
+
+
+class Tally(NamedTuple):
+    """Sums over paths, to be added up over runs."""
+
+    paths: int
+    total: np.ndarray
+    squares: np.ndarray
+
+    def plus(self, other: "Tally") -> "Tally":
+        """Both together."""
+        return Tally(self.paths + other.paths, self.total + other.total, self.squares + other.squares)
+
+    @property
+    def mean(self) -> np.ndarray:
+        """The estimate."""
+        return self.total / self.paths
+
+    @property
+    def error(self) -> np.ndarray:
+        """Its standard error."""
+        return np.sqrt(np.maximum(self.squares / self.paths - self.mean**2, 0.0) / (self.paths - 1))
+
+
+def albedo(stack: Stack, cos_incidence: float, paths: int, rng: Generator) -> Tally:
+    """Flux that leaves over flux of a beam, (bands,), by counting paths."""
+    return _walk(stack, cos_incidence, None, paths, rng)
+
+
+def reflectance_factor(stack: Stack, cos_incidence: float, views: Views, paths: int, rng: Generator) -> Tally:
+    """pi L/E, (views, bands), by next events."""
+    return _walk(stack, cos_incidence, views, paths, rng)
+
+
+def _walk(stack: Stack, cos_incidence: float, views: Views | None, paths: int, rng: Generator) -> Tally:
+    s, k, n = stack.scattering, stack.absorption, stack.refractive_index
+    layers, bands = k.shape
+    if stack.roughness and np.ptp(n):
+        raise ValueError("a rough surface over layers of different index is not followed here")
+    lobe = Lobe(rng, stack.roughness, float(n[0]))
+    eye = None if views is None else (_RoughEye if stack.roughness else _SmoothEye)(stack, views, rng, lobe)
+    score = np.zeros((paths, bands) if views is None else (paths, len(views.cosine), bands))
+
+    (x, y, z), weight = _enter(stack, cos_incidence, paths, rng, lobe)  # z positive downwards
+    index = np.flatnonzero(weight > 0)
+    x, y, z = x[index], y[index], z[index]
+    weight = np.repeat(weight[index, None], bands, axis=1)
+    layer, depth = np.zeros(len(index), int), np.zeros(len(index))  # depth: share of the layer above
+    while index.size:
+        with np.errstate(divide="ignore"):
+            free = rng.exponential(size=index.size) / s[layer]
+        room = np.where(z > 0, 1.0 - depth, depth) / np.maximum(np.abs(z), 1e-300)
+        scatters = free < room
+        way = np.where(scatters, free, room)
+        weight = weight * np.exp(-k[layer] * way[:, None])
+        depth = np.where(scatters, np.clip(depth + z * way, 0.0, 1.0), np.where(z > 0, 1.0, 0.0))
+        alive = np.ones(index.size, bool)
+
+        hit = np.flatnonzero(scatters)
+        if hit.size:
+            old = x[hit], y[hit], z[hit]
+            if eye is not None:
+                view = rng.integers(len(eye.cosine), size=hit.size)
+                score[index[hit], view] += eye.scattered(view, layer[hit], depth[hit], old, weight[hit])
+            x[hit], y[hit], z[hit] = _turned(rng, old, stack.g[layer[hit]])
+
+        down = ~scatters & (z > 0)
+        at_bottom, at_top = down & (layer == layers - 1), ~scatters & ~down & (layer == 0)
+        bottom, top = np.flatnonzero(at_bottom), np.flatnonzero(at_top)
+        inner = np.flatnonzero(~(scatters | at_bottom | at_top))
+        if bottom.size:
+            weight[bottom] *= stack.ground
+            if eye is not None:
+                view = rng.integers(len(eye.cosine), size=bottom.size)
+                score[index[bottom], view] += eye.thrown_back(view, weight[bottom])
+            x[bottom], y[bottom], upward = lambert(rng, bottom.size)
+            z[bottom] = -upward
+
+        if top.size:
+            left, turned = _under_surface(stack, (x[top], y[top], -z[top]), rng, lobe)
+            x[top], y[top], z[top] = turned
+            alive[top] = ~left
+            if views is None:
+                score[index[top[left]]] += weight[top[left]]
+
+        if inner.size:
+            before = layer[inner]
+            after = before + np.where(down[inner], 1, -1)
+            ratio = n[after] / n[before]
+            cosine = np.abs(z[inner])
+            share, beyond = fresnel(cosine, ratio)
+            share = np.where(ratio == 1.0, 0.0, share)
+            mirrored = rng.random(inner.size) < share
+            sign = np.where(down[inner], 1.0, -1.0)
+            x[inner] = np.where(mirrored, x[inner], x[inner] / ratio)
+            y[inner] = np.where(mirrored, y[inner], y[inner] / ratio)
+            z[inner] = np.where(mirrored, -z[inner], sign * beyond)
+            layer[inner] = np.where(mirrored, before, after)
+            depth[inner] = np.where(mirrored, depth[inner], np.where(down[inner], 0.0, 1.0))
+
+        # Weak paths end by chance, the others carry on for them.
+        largest = weight.max(axis=1)
+        weak = largest < 0.1
+        survives = rng.random(index.size) < 0.3
+        weight[weak] /= 0.3
+        alive &= (~weak | survives) & (largest > 0)
+        x, y, z, weight, layer, depth, index = (a[alive] for a in (x, y, z, weight, layer, depth, index))
+    return Tally(paths, score.sum(axis=0), (score**2).sum(axis=0))
+
+
+def _enter(stack: Stack, cos_incidence: float, paths: int, rng: Generator, lobe: Lobe) -> tuple[Vectors, np.ndarray]:
+    """Directions of travel below the surface, downwards, and weights."""
+    n = float(stack.refractive_index[0])
+    ones, sine = np.ones(paths), np.sqrt(1.0 - cos_incidence**2)
+    if not stack.roughness:
+        share, cosine = fresnel(cos_incidence * ones, n)
+        return (sine / n * ones, 0.0 * ones, cosine), 1.0 - share
+    # Light travels towards +x, so it comes from -x.
+    back = -sine * ones, 0.0 * ones, cos_incidence * ones
+    return _through_rough(stack, back, rng, lobe)
+
+
+def _through_rough(stack: Stack, seen: Vectors, rng: Generator, lobe: Lobe) -> tuple[Vectors, np.ndarray]:
+    """Directions below the surface, third component downwards, that light from ``seen`` in air takes, and weights.
+
+    A facet's refraction and the lobe, drawn in proportion; lobe directions that stay in the air get no weight.
+    """
+    count = len(seen[2])
+    found = facets(rng.random(count), rng.random(count), seen, stack.roughness, float(stack.refractive_index[0]))
+    lost = 1.0 - found.reflects - found.refracts
+    weight = lost + found.refracts
+    (x, y, z), weight = (a.copy() for a in found.refracted), weight.copy()
+    drawn = np.flatnonzero(rng.random(count) * weight < lost)
+    inside, direction = lobe.take(drawn.size)
+    x[drawn], y[drawn], z[drawn] = direction
+    weight[drawn[~inside]] = 0.0
+    return (x, y, z), weight
+
+
+def _under_surface(stack: Stack, seen: Vectors, rng: Generator, lobe: Lobe) -> tuple[np.ndarray, Vectors]:
+    """Which of the paths that meet the surface from below leave; directions of the others, downwards.
+
+    Args:
+        seen: directions of travel, third component upwards.
+    """
+    n, count = float(stack.refractive_index[0]), len(seen[2])
+    chance = rng.random(count)
+    if not stack.roughness:
+        share, _ = fresnel(seen[2], 1.0 / n)
+        return chance >= share, seen
+    # From the surface one looks back along the path: both horizontal components and the height change sign, and the
+    # side below is the one the direction is on.
+    back = -seen[0], -seen[1], seen[2]
+    found = facets(rng.random(count), rng.random(count), back, stack.roughness, 1.0 / n)
+    left = (chance >= found.reflects) & (chance < found.reflects + found.refracts)
+    drawn = np.flatnonzero(chance >= found.reflects + found.refracts)
+    inside, direction = lobe.take(drawn.size)
+    x, y, z = (a.copy() for a in found.reflected)
+    x[drawn], y[drawn], z[drawn] = direction
+    left[drawn[~inside]] = True
+    return left, (x, y, z)
+
+
+class _SmoothEye:
+    """Beams from the eye, refracted and mirrored by all smooth surfaces, as an importance of each depth."""
+
+    def __init__(self, stack: Stack, views: Views, rng: Generator, lobe: Lobe):
+        n, extinction = stack.refractive_index, stack.scattering[:, None] + stack.absorption
+        layers, bands = extinction.shape
+        self.cosine = views.cosine
+        sine, turn = np.sqrt(1.0 - views.cosine**2), np.deg2rad(views.azimuth)
+        self._cosine = np.sqrt(1.0 - (sine[:, None] / n) ** 2)  # (views, layers)
+        self._across = sine * np.cos(turn), sine * np.sin(turn)  # n sin is kept through all layers
+        self._stack, self._extinction = stack, extinction
+        count = len(sine)
+        # Unknown: flux of each beam where it starts in its layer, down at the top, up at the bottom.
+        down, up = np.zeros((count, layers, bands)), np.zeros((count, layers, bands))
+        for v in range(count):
+            first = 1.0 - fresnel(views.cosine[v : v + 1], n[0])[0][0]
+            r = [fresnel(self._cosine[v, i : i + 1], n[i + 1] / n[i])[0][0] for i in range(layers - 1)]
+            r = [0.0 if n[i + 1] == n[i] else share for i, share in enumerate(r)]
+            for b in range(bands):
+                a = np.exp(-extinction[:, b] / self._cosine[v])
+                matrix, source = np.eye(2 * layers), np.zeros(2 * layers)
+                source[0] = first
+                matrix[0, layers] -= (1.0 - first) * a[0]  # inside, Fresnel's share is the same
+                for i in range(layers - 1):
+                    matrix[i + 1, i] -= (1.0 - r[i]) * a[i]
+                    matrix[i + 1, layers + i + 1] -= r[i] * a[i + 1]
+                    matrix[layers + i, i] -= r[i] * a[i]
+                    matrix[layers + i, layers + i + 1] -= (1.0 - r[i]) * a[i + 1]
+                solved = np.linalg.solve(matrix, source)
+                down[v, :, b], up[v, :, b] = solved[:layers], solved[layers:]
+        self._down, self._up = down, up
+        self._ground = down[:, -1] * np.exp(-extinction[-1] / self._cosine[:, -1:]) / n[-1] ** 2
+
+    def scattered(
+        self, view: np.ndarray, layer: np.ndarray, depth: np.ndarray, direction: Vectors, weight: np.ndarray
+    ) -> np.ndarray:
+        """Light that goes straight to each path's view from where it scatters, (paths, bands), times all views."""
+        n, g = self._stack.refractive_index[layer], self._stack.g[layer]
+        cosine, extinction = self._cosine[view, layer], self._extinction[layer]
+        flat = (direction[0] * self._across[0][view] + direction[1] * self._across[1][view]) / n
+        result = np.zeros_like(weight)
+        for importance, away, sign in ((self._down, depth, -1.0), (self._up, 1.0 - depth, 1.0)):
+            if importance.any():
+                toward = _phase(flat + sign * direction[2] * cosine, g)
+                reach = importance[view, layer] * np.exp(-extinction * (away / cosine)[:, None])
+                result += toward[:, None] * reach
+        return result * weight * (len(self.cosine) / (4.0 * cosine * n**2))[:, None]
+
+    def thrown_back(self, view: np.ndarray, weight: np.ndarray) -> np.ndarray:
+        """The same from the ground, for weights after it."""
+        return weight * self._ground[view] * len(self.cosine)
+
+
+class _RoughEye:
+    """Directions drawn from the eye through the surface anew at each event."""
+
+    def __init__(self, stack: Stack, views: Views, rng: Generator, lobe: Lobe):
+        self.cosine = np.asarray(views.cosine, float)
+        sine, turn = np.sqrt(1.0 - self.cosine**2), np.deg2rad(views.azimuth)
+        self._views = sine * np.cos(turn), sine * np.sin(turn), self.cosine
+        self._stack, self._rng, self._lobe = stack, rng, lobe
+        self._extinction = stack.scattering[:, None] + stack.absorption
+        self._above = np.concatenate([np.zeros((1, self._extinction.shape[1])), np.cumsum(self._extinction, axis=0)])
+
+    def _drawn(self, view: np.ndarray) -> tuple[Vectors, np.ndarray]:
+        """Directions of travel to the view, third component upwards, and weights, times all views."""
+        x, y, z = (component[view] for component in self._views)
+        (x, y, z), weight = _through_rough(self._stack, (x, y, z), self._rng, self._lobe)
+        # What goes down from the eye comes up to it.
+        return (-x, -y, np.maximum(z, 1e-12)), weight * len(self.cosine) / self._stack.refractive_index[0] ** 2
+
+    def scattered(
+        self, view: np.ndarray, layer: np.ndarray, depth: np.ndarray, direction: Vectors, weight: np.ndarray
+    ) -> np.ndarray:
+        """As `_SmoothEye.scattered`."""
+        (x, y, z), reach = self._drawn(view)
+        reach = reach * _phase(direction[0] * x + direction[1] * y - direction[2] * z, self._stack.g[layer]) / (4.0 * z)
+        above = self._above[layer] + self._extinction[layer] * depth[:, None]
+        return weight * reach[:, None] * np.exp(-above / z[:, None])
+
+    def thrown_back(self, view: np.ndarray, weight: np.ndarray) -> np.ndarray:
+        """As `_SmoothEye.thrown_back`."""
+        (_, _, z), reach = self._drawn(view)
+        return weight * reach[:, None] * np.exp(-self._above[-1] / z[:, None])
+
+
+def _phase(cosine: np.ndarray, g: np.ndarray) -> np.ndarray:
+    """Henyey and Greenstein's function, mean 1."""
+    if not g.any():
+        return np.ones(cosine.shape)
+    return (1.0 - g**2) / (1.0 + g**2 - 2.0 * g * cosine) ** 1.5
+
+
+def _turned(rng: Generator, old: Vectors, g: np.ndarray) -> Vectors:
+    """Directions after scattering by Henyey and Greenstein's law."""
+    u, turn = rng.random(len(g)), 2.0 * np.pi * rng.random(len(g))
+    even = np.abs(g) < 1e-6
+    if even.all():
+        cosine = 2.0 * u - 1.0
+        sine = np.sqrt(1.0 - cosine**2)
+        return sine * np.cos(turn), sine * np.sin(turn), cosine
+    safe = np.where(even, 1.0, g)
+    ratio = (1.0 - safe**2) / (1.0 - safe + 2.0 * safe * u)
+    cosine = np.clip(np.where(even, 2.0 * u - 1.0, (1.0 + safe**2 - ratio**2) / (2.0 * safe)), -1.0, 1.0)
+    sine = np.sqrt(1.0 - cosine**2)
+    x, y, z = old
+    # Two directions across the old one (Duff et al. 2017), built so that nothing divides by zero.
+    sign = np.where(z >= 0, 1.0, -1.0)
+    a = -1.0 / (sign + z)
+    b = x * y * a
+    first, second = (1.0 + sign * x**2 * a, sign * b, -sign * x), (b, sign + y**2 * a, -y)
+    c, d = sine * np.cos(turn), sine * np.sin(turn)
+    new = [c * f + d * h + cosine * o for f, h, o in zip(first, second, old, strict=True)]
+    return new[0], new[1], new[2]

@@ -1,0 +1,110 @@
+"""Limits of the renderers' layer rules: no coat, nothing absorbed, reciprocity, what is exact; the table of truth."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from benchmarks import layer_rules
+from benchmarks.layer_rules import RULES, Coat
+from benchmarks.layered_csv import albedo_of, layers_in_words, read_table
+from benchmarks.layered_stacks import STACKS
+
+from glazejax.radiative.common.fresnel import dielectric_reflectance
+from glazejax.radiative.stack import stack_hemispherical_reflectance, stack_reflectance_factor
+
+LIT, SEEN = np.array([0.3, 0.7, 1.0]), np.array([0.2, 0.7])
+BASE, CLEAR = np.array([0.05, 0.5, 1.0]), np.ones(3)
+TABLE = Path(__file__).parents[1] / "benchmarks" / "results" / "layered_truth.csv"
+
+
+def _smooth(index: float) -> tuple[float, tuple[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
+    """<E>, and cosines with E at them."""
+    y, w = np.polynomial.legendre.leggauss(64)
+    mu = 0.5 * (1.0 + y)
+    even = layer_rules.even_light(np.asarray(dielectric_reflectance(mu, index)), mu, 0.5 * w)
+    lit, seen = ((c, np.asarray(dielectric_reflectance(c, index))) for c in (LIT, SEEN))
+    return even, lit, seen
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_no_coat_is_the_base(rule):
+    even, lit, seen = _smooth(1.0)
+    coat = Coat(BASE, CLEAR, 1.0, even)
+    np.testing.assert_allclose(layer_rules.factor(rule, coat, lit, seen), np.broadcast_to(BASE, (3, 2, 3)), atol=1e-12)
+    np.testing.assert_allclose(layer_rules.albedo(rule, coat, seen), np.broadcast_to(BASE, (2, 3)), atol=1e-12)
+
+
+@pytest.mark.parametrize("rule", RULES)
+def test_a_clear_coat_on_white_loses_nothing(rule):
+    even, _, seen = _smooth(1.5)
+    body = layer_rules.albedo(rule, Coat(BASE, CLEAR, 1.5, even), seen)
+    np.testing.assert_allclose(body[:, 2] + seen[1], 1.0, atol=1e-12)
+
+
+@pytest.mark.parametrize("rule", ["reciprocal", "openpbr"])
+def test_albedo_is_the_mean_of_the_factor(rule):
+    even, _, seen = _smooth(1.5)
+    coat = Coat(BASE, np.array([0.9, 0.5, 0.2]), 1.5, even)
+    y, w = np.polynomial.legendre.leggauss(64)
+    mu = 0.5 * (1.0 + y)
+    lit = mu, np.asarray(dielectric_reflectance(mu, 1.5))
+    mean = np.einsum("i,ivb->vb", w * mu, layer_rules.factor(rule, coat, lit, seen))
+    np.testing.assert_allclose(mean, layer_rules.albedo(rule, coat, seen), rtol=1e-6)
+
+
+def test_only_one_is_reciprocal():
+    even, lit, _ = _smooth(1.5)
+    coat = Coat(BASE, CLEAR, 1.5, even)
+    for rule in RULES:
+        factor = layer_rules.factor(rule, coat, lit, lit)
+        assert np.allclose(factor, factor.transpose(1, 0, 2)) == (rule == "reciprocal")
+
+
+def test_darkening_is_exact_on_a_diffuse_base():
+    """A clear smooth coat on a Lambertian ground: OpenPBR's and Belcour's albedo is the solver's."""
+    even, _, seen = _smooth(1.5)
+    coat = Coat(BASE, CLEAR, 1.5, even)
+    exact = stack_hemispherical_reflectance(
+        np.zeros((2, 3, 1)), np.zeros((2, 3, 1)), BASE, cos_incidence=SEEN[:, None], tolerance=1e-8
+    )
+    for rule in ("openpbr", "belcour"):
+        np.testing.assert_allclose(layer_rules.albedo(rule, coat, seen), exact, atol=1e-6)
+    for rule in ("scaling", "reciprocal"):
+        assert np.max(np.abs(layer_rules.albedo(rule, coat, seen) - exact)) > 0.1
+    # The shape over both angles is exact only with both surfaces' transmittances and the darkening.
+    factor = stack_reflectance_factor(
+        np.zeros((3, 2, 3, 1)),
+        np.zeros((3, 2, 3, 1)),
+        BASE,
+        cos_incidence=LIT[:, None, None],
+        cos_viewing=SEEN[:, None],
+    )
+    k = layer_rules.internal(coat)
+    shape = layer_rules.factor("reciprocal", coat, _smooth(1.5)[1], seen) * (1 - k) / (1 - BASE * k)
+    np.testing.assert_allclose(shape, factor, atol=1e-6)
+
+
+def test_an_opaque_coat_hides_the_base():
+    even, lit, seen = _smooth(1.5)
+    coat = Coat(BASE, np.full(3, 1e-12), 1.5, even)
+    for rule in RULES:
+        assert np.max(layer_rules.factor(rule, coat, lit, seen)) < 1e-10
+        assert np.max(layer_rules.albedo(rule, coat, seen)) < 1e-10
+
+
+@pytest.mark.skipif(not TABLE.exists(), reason="the table has not been made")
+def test_the_table_is_of_these_stacks():
+    """Stacks and values in the published table are those of the code."""
+    rows = read_table(TABLE)
+    assert len(rows) == 24 * (9 + 81)
+    for number, stack in enumerate(STACKS, 1):
+        mine = [row for row in rows if row["number"] == str(number)]
+        assert {row["stack"] for row in mine} == {layers_in_words(stack)}
+        assert {(float(row["ground"]), float(row["alpha"])) for row in mine} == {(stack.ground, stack.roughness)}
+    for number in (1, 11, 16):
+        stack = STACKS[number - 1]
+        cosines = np.cos(np.deg2rad([10.0, 45.0, 75.0]))[:, None]
+        found = stack_hemispherical_reflectance(
+            stack.albedo, stack.thickness, stack.ground, cos_incidence=cosines, tolerance=1e-6
+        )
+        np.testing.assert_allclose(albedo_of(rows, number), found, atol=2e-6)
