@@ -1,0 +1,296 @@
+"""The BSDF ``glaze`` of Mitsuba 3: a surface over a body of paint.
+
+The body reflects what `table.Body` says, the surface as `lobes` has it. Directions are drawn from one or the other by
+their albedos: from the surface's own lobe, or by the cosine for the body. Light from behind meets black, as in
+Mitsuba's plastics; wrap the glaze in ``twosided`` for things that are seen from both sides.
+"""
+
+from functools import lru_cache
+from typing import Any
+
+import jax
+import numpy as np
+
+from . import table
+from .coats import Axes, check_layer, ground_of, index_of, read_coats, varied
+from .device import DrJit, renderer
+from .lobes import Mirror
+from .parameters import Given, read
+from .surfaces import Smooth
+from .table import Body, body_table
+
+# Room for a texture whose values are all alike: a table wants a range.
+_LEAST_RANGE = 1e-9
+
+
+@lru_cache(maxsize=64)
+def _table(
+    coats: str,
+    layer: int,
+    thickness: float | tuple[float, float] | None,
+    fraction: float | tuple[float, float] | None,
+    ground: str | float | tuple[float, ...],
+    mean_ground: float,
+    refractive_index: float | None,
+    roughness: float,
+    tolerance: float,
+) -> Body:
+    """The table, made once for all glazes that are alike; always in double precision.
+
+    `thickness` and `fraction` are a number, a range, or None for the coats' own; `ground` is "own", "any", a number
+    or one number a band.
+    """
+    with jax.enable_x64(True):
+        glaze = read_coats(coats, refractive_index)
+        axes = Axes(*(x if isinstance(x, tuple) else None for x in (thickness, fraction)))
+        if thickness is not None or fraction is not None:
+            # A fixed share of a mixture needs the two paints too.
+            asked = axes._replace(fraction=(0.0, 1.0)) if fraction is not None else axes
+            check_layer(glaze, layer, asked)
+            fixed = [x if isinstance(x, float) else None for x in (thickness, fraction)]
+            glaze = varied(glaze, layer, *fixed)
+        bands = glaze.wavelengths.size
+        level = None if ground == "any" else ground_of(glaze) if ground == "own" else np.broadcast_to(ground, (bands,))
+        level = None if level is None else np.asarray(level, float)
+        surface = Smooth(index_of(glaze))
+        return body_table(surface, glaze, layer, axes, level, mean_ground, tolerance)
+
+
+def bands_of(coats: str, refractive_index: float | None) -> np.ndarray:
+    """Wavelengths of the table, nm."""
+    with jax.enable_x64(True):
+        return np.asarray(read_coats(coats, refractive_index).wavelengths, float)
+
+
+class GlazeBSDF:
+    """Everything but the base class, which depends on the variant; `registration` joins the two."""
+
+    def __init__(self, props: Any):
+        self._mi, self._dr = mi, dr = renderer()
+        mi.BSDF.__init__(self, props)
+        given = read(mi, props)
+        self._given = given
+        self._thickness, self._fraction = (
+            None if x is None or isinstance(x, float) else x for x in (given.thickness, given.fraction)
+        )
+        self._ground = self._ground_texture(given)
+        self.table = _table(
+            _text_of(given.coats),
+            given.layer,
+            _span(given.thickness, max(given.thickness_max, _LEAST_RANGE)),
+            _span(given.fraction, 1.0),
+            self._ground_key(given),
+            self._mean_ground(),
+            given.refractive_index,
+            given.roughness,
+            given.tolerance,
+        )
+        self._body = DrJit(mi, dr).body(self.table)
+        self._surface = Mirror(mi, dr, self.table.surface.refractive_index) if given.gloss else None
+        flags = mi.BSDFFlags
+        textured = any(x is not None for x in (self._thickness, self._fraction, self._ground))
+        spatial = int(flags.SpatiallyVarying) if textured else 0
+        self._diffuse = int(flags.DiffuseReflection)
+        self.m_components = [] if self._surface is None else [self._surface.flag | int(flags.FrontSide)]
+        self.m_components = [*self.m_components, self._diffuse | int(flags.FrontSide) | spatial]
+        self.m_flags = int(np.bitwise_or.reduce(self.m_components))
+
+    def traverse(self, callback: Any) -> None:
+        """Names the textures, which may be optimised."""
+        kind = self._mi.ParamFlags.Differentiable
+        for name in ("thickness", "fraction", "ground"):
+            held = getattr(self, f"_{name}")
+            if held is None or isinstance(held, _Bands):
+                continue
+            if hasattr(callback, "put"):
+                callback.put(name, held, kind)
+            else:
+                callback.put_object(name, held, int(kind))
+
+    def sample(self, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any = True) -> tuple[Any, Any]:
+        """A direction from the surface's lobe or the body's, and value times cosine over density."""
+        mi, dr = self._mi, self._dr
+        lit, share, (surface, body) = self._shares(ctx, si, active)
+        bs = dr.zeros(mi.BSDFSample3f)
+        if not (surface or body):
+            return bs, mi.UnpolarizedSpectrum(0.0)
+        from_body = mi.warp.square_to_cosine_hemisphere(sample2)
+        first = lit & (sample1 < share)
+        bs.eta = 1.0
+        number = mi.UInt32(self.component_count() - 1)
+        bs.wo, bs.sampled_type, bs.sampled_component = from_body, mi.UInt32(self._diffuse), number
+        if surface:
+            along = self._surface.sample(si.wi, sample1 / dr.maximum(share, 1e-6), sample2)
+            bs.wo = dr.select(first, along, from_body)
+            bs.sampled_type = dr.select(first, mi.UInt32(self._surface.flag), bs.sampled_type)
+            bs.sampled_component = dr.select(first, mi.UInt32(0), number)
+        value, density = self._value_and_density(si, bs.wo, lit, share, surface, body)
+        bs.pdf = density
+        weight = dr.select(density > 0, value / dr.maximum(density, 1e-30), 0.0)
+        if surface and self._surface.delta:
+            mirrored = self._surface.mirrored(si.wi)
+            bs.pdf = dr.select(first, share, bs.pdf)
+            weight = dr.select(first, mi.UnpolarizedSpectrum(mirrored / dr.maximum(share, 1e-6)), weight)
+        good = lit & (bs.pdf > 0)
+        return bs, dr.select(good, weight, 0.0)
+
+    def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
+        """BSDF times the cosine of `wo`."""
+        return self.eval_pdf(ctx, si, wo, active)[0]
+
+    def pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
+        """Density of `sample` in solid angle."""
+        lit, share, (surface, body) = self._shares(ctx, si, active)
+        return self._density(si, wo, lit, share, surface, body)
+
+    def eval_pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> tuple[Any, Any]:
+        """Both of them."""
+        lit, share, (surface, body) = self._shares(ctx, si, active)
+        return self._value_and_density(si, wo, lit, share, surface, body)
+
+    def eval_pdf_sample(
+        self, ctx: Any, si: Any, wo: Any, sample1: Any, sample2: Any, active: Any = True
+    ) -> tuple[Any, Any, Any, Any]:
+        """All three."""
+        return *self.eval_pdf(ctx, si, wo, active), *self.sample(ctx, si, sample1, sample2, active)
+
+    def to_string(self) -> str:
+        """One line."""
+        return f"Glaze[{self._given.coats[:60]}, {self.table}]"
+
+    def __repr__(self) -> str:
+        return self.to_string()
+
+    def _shares(self, ctx: Any, si: Any, active: Any) -> tuple[Any, Any, tuple[bool, bool]]:
+        """Where light comes from the front, how often the surface's lobe is drawn, and which lobes are asked for."""
+        mi, dr = self._mi, self._dr
+        flags, last = mi.BSDFFlags, self.component_count() - 1
+        body = ctx.is_enabled(flags.DiffuseReflection, last)
+        kind = None if self._surface is None else self._surface.kind
+        surface = kind is not None and ctx.is_enabled(kind, 0)
+        cosine = si.wi.z
+        lit = active & (cosine > 0.0)
+        if not (surface and body):
+            return lit, mi.Float(1.0 if surface else 0.0), (surface, body)
+        ops, within = DrJit(mi, dr, lit), dr.maximum(dr.detach(cosine), 1e-6)
+        below = table.mean_albedo(ops, self._body, within, self._varying(si, lit, detach=True))
+        above = self._surface.albedo(within)
+        # Neither is left out for good.
+        return lit, dr.clip(above / dr.maximum(above + below, 1e-6), 0.02, 0.98), (surface, body)
+
+    def _density(self, si: Any, wo: Any, lit: Any, share: Any, surface: bool, body: bool) -> Any:
+        mi, dr = self._mi, self._dr
+        density = self._mi.Float(0.0)
+        if body:
+            density = density + (1.0 - share) * mi.warp.square_to_cosine_hemisphere_pdf(wo)
+        if surface and not self._surface.delta:
+            density = density + share * self._surface.density(si.wi, wo)
+        return dr.select(lit & (wo.z > 0.0), density, 0.0)
+
+    def _value_and_density(self, si: Any, wo: Any, lit: Any, share: Any, surface: bool, body: bool) -> tuple[Any, Any]:
+        mi, dr = self._mi, self._dr
+        lit = lit & (wo.z > 0.0)
+        value = mi.UnpolarizedSpectrum(0.0)
+        if body:
+            value = value + self._body_factor(si, wo, lit) * (wo.z / dr.pi)
+        if surface and not self._surface.delta:
+            value = value + self._surface.value(si.wi, wo)
+        return dr.select(lit, value, 0.0), self._density(si, wo, lit, share, surface, body)
+
+    def _body_factor(self, si: Any, wo: Any, lit: Any) -> Any:
+        """The body's reflectance factor."""
+        mi, dr = self._mi, self._dr
+        ops = DrJit(mi, dr, lit)
+        waves = si.wavelengths
+        ground = None if self._body.lines is None else self._ground_at(si, lit)
+        one, two = (dr.maximum(cosine, 1e-6) for cosine in (si.wi.z, wo.z))
+        lanes = range(len(waves))
+        found = table.reflectance_factor(
+            ops, self._body, one, two, self._varying(si, lit), [waves[k] for k in lanes], ground
+        )
+        spectrum = mi.UnpolarizedSpectrum(0.0)
+        for k in lanes:
+            spectrum[k] = found[k]
+        return spectrum
+
+    def _varying(self, si: Any, lit: Any, *, detach: bool = False) -> dict[str, Any]:
+        found = {}
+        if self._thickness is not None:
+            found["thickness"] = self._thickness.eval_1(si, lit) * self._given.thickness_scale
+        if self._fraction is not None:
+            found["fraction"] = self._fraction.eval_1(si, lit)
+        return {name: self._dr.detach(x) for name, x in found.items()} if detach else found
+
+    def _ground_at(self, si: Any, lit: Any) -> Any:
+        value = self._ground.eval(si, lit)
+        return [self._dr.clip(value[k], 0.0, 0.999) for k in range(len(si.wavelengths))]
+
+    def _ground_texture(self, given: Given) -> Any:
+        """What gives the ground at each place; None where it is the same everywhere."""
+        ground = given.ground
+        if isinstance(ground, np.ndarray):
+            return _Bands(self._mi, self._dr, ground, bands_of(given.coats, given.refractive_index))
+        return None if ground is None or isinstance(ground, float) or not ground.is_spatially_varying() else ground
+
+    def _ground_key(self, given: Given) -> str | float | tuple[float, ...]:
+        """The ground as the table takes it."""
+        if self._ground is not None:
+            return "any"
+        if given.ground is None or isinstance(given.ground, float):
+            return "own" if given.ground is None else given.ground
+        mi, where = self._mi, self._dr.zeros(self._mi.SurfaceInteraction3f)
+        found = []
+        for wavelength in bands_of(_text_of(given.coats), given.refractive_index):
+            where.wavelengths = mi.UnpolarizedSpectrum(float(wavelength))
+            found.append(float(np.array(given.ground.eval(where)).ravel()[0]))
+        return tuple(float(x) for x in np.clip(found, 0.0, 1.0))
+
+    def _mean_ground(self) -> float:
+        if self._ground is None:
+            return 0.5
+        return float(np.clip(np.array(self._ground.mean()).ravel()[0], 0.0, 0.99))
+
+
+class _Bands:
+    """A ground whose spectrum is given at every place: an array (rows, columns, bands), its first row at v = 0."""
+
+    def __init__(self, mi: Any, dr: Any, values: np.ndarray, wavelengths: np.ndarray):
+        if values.shape[-1] != wavelengths.size:
+            raise ValueError(
+                f"the ground has {values.shape[-1]} bands, but the coats have {wavelengths.size} "
+                f"({wavelengths[0]:g} to {wavelengths[-1]:g} nm): resample it to those"
+            )
+        self._mi, self._ends, self._mean = mi, (float(wavelengths[0]), float(wavelengths[-1])), float(values.mean())
+        volume = np.ascontiguousarray(np.moveaxis(values, -1, 0)[..., None], np.float32)
+        self._texture = mi.Texture3f(
+            mi.TensorXf(volume), filter_mode=dr.FilterMode.Linear, wrap_mode=dr.WrapMode.Clamp
+        )
+        self._count = wavelengths.size
+
+    def mean(self) -> float:
+        return self._mean
+
+    def eval(self, si: Any, active: Any) -> list[Any]:
+        """At each wavelength, linear between bands."""
+        low, high = self._ends
+        found = []
+        for k in range(len(si.wavelengths)):
+            # Texels lie at the middle of their cells.
+            band = (si.wavelengths[k] - low) / (high - low) * (self._count - 1)
+            where = self._mi.Point3f(si.uv.x, si.uv.y, (band + 0.5) / self._count)
+            found.append(self._texture.eval(where, active)[0])
+        return found
+
+
+def _span(given: Any, most: float) -> float | tuple[float, float] | None:
+    """A number, the range of a texture, or None."""
+    return given if given is None or isinstance(given, float) else (0.0, most)
+
+
+def _text_of(coats: str) -> str:
+    """Coats, and for a file what it holds: another file of the same name is another glaze."""
+    from pathlib import Path
+
+    if not coats.lstrip().startswith("{") and Path(coats).is_file():
+        return Path(coats).read_text(encoding="utf-8")
+    return coats

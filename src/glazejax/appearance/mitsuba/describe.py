@@ -1,0 +1,174 @@
+"""A glaze, thickness maps and grounds of Python as the dictionary that Mitsuba loads."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from ...paint.media import MAX_THICKNESS, Glaze, Layer, Mixture, Pigment
+from ...spectra import Grid, Numbers, resample, validate_wavelengths
+from .coats import Axes, check_layer, index_of
+from .device import renderer
+
+Surface: TypeAlias = "Numbers | Mapping[str, Any] | None"
+"""A number, a map (rows, columns), or the dictionary of a texture of Mitsuba."""
+
+_MICROMETRE = 1e-6
+
+
+def glaze_bsdf(
+    glaze: Glaze | str | Path,
+    *,
+    roughness: float = 0.0,
+    thickness: Surface = None,
+    thickness_max: float | None = None,
+    fraction: Surface = None,
+    ground: Surface = None,
+    layer: int = 0,
+    wavelengths: Grid | None = None,
+    gloss: bool = True,
+    tolerance: float = 1e-3,
+) -> dict[str, Any]:
+    """Dictionary of a glaze for `mitsuba.load_dict`; `register` must have been called for the variant.
+
+    Args:
+        glaze: without batch axes and phase functions; or coats as text, or the path of a stack's JSON.
+        roughness: alpha of the surface's GGX facets, 0 to 1; 0 is a smooth surface.
+        thickness: of coat `layer`, m: a number, a map (rows, columns), or a texture of Mitsuba in m. A map becomes a
+            texture in micrometres, so that an optimiser sees numbers near 1. Row 0 of a map lies at v = 0.
+        thickness_max: largest thickness that the table is for, m; that of the map by default. An optimiser wants room.
+        fraction: share of the second paint of coat `layer`, a mixture of two: a number, a map or a texture, 0 to 1.
+        ground: reflectance as seen from inside the paint: a number, a spectrum (bands,), a map (rows, columns), a map
+            of spectra (rows, columns, bands) on the glaze's wavelengths (or `wavelengths`), or a texture.
+        layer: number of the coat, 0 on top.
+        wavelengths: bands of the table, nm; the glaze's own by default. Only for a `Glaze`.
+        gloss: with the reflection of the surface itself.
+        tolerance: absolute error wanted of the reflectance factor.
+
+    Returns:
+        ``{"type": "glaze", ...}``, with numbers, text and textures only.
+
+    Raises:
+        ModuleNotFoundError: maps are given and Mitsuba is not installed.
+        ValueError: a glaze with batch axes, phase functions or an index that varies; a map of another number of axes or
+            with values out of range; no such coat. With maps: no variant that follows wavelengths is set.
+    """
+    found: dict[str, Any] = {"type": "glaze", "coats": str(glaze), "layer": int(layer), "gloss": bool(gloss)}
+    found |= {"roughness": float(roughness), "tolerance": float(tolerance)}
+    if isinstance(glaze, Glaze):
+        spectrum = ground if ground is not None and not isinstance(ground, Mapping) and np.ndim(ground) == 1 else None
+        ground = ground if spectrum is None else None
+        found["coats"] = _json(glaze, wavelengths, layer, fraction is not None, spectrum)
+        axes = Axes(fraction=None if fraction is None else (0.0, 1.0))
+        if fraction is not None or thickness is not None:
+            check_layer(glaze, layer, axes)
+    elif wavelengths is not None:
+        raise ValueError("wavelengths belong to a Glaze; coats given as text or a file keep those of their paints")
+    if thickness is not None:
+        found |= _thickness(thickness, thickness_max)
+    if fraction is not None:
+        found["fraction"] = _map("fraction", fraction, 0.0, 1.0)
+    if ground is not None:
+        found["ground"] = _ground(ground)
+    return found
+
+
+def _json(glaze: Glaze, wavelengths: Grid | None, layer: int, mixed: bool, ground: Numbers | None) -> str:
+    """The text of a stack, with all digits; only the coat whose mixture varies keeps its paints apart."""
+    if glaze.phase is not None:
+        raise ValueError("a paint here has a phase function: a renderer's table takes isotropic scattering only")
+    if not glaze.layers:
+        raise ValueError("a glaze without coats is its ground: use Mitsuba's plastic")
+    if any(la.thickness.ndim for la in glaze.layers) or glaze.albedo.ndim > 2 or glaze.substrate.ndim > 1:
+        raise ValueError("a material is one glaze, without batch axes; give a map of thicknesses as thickness")
+    grid = np.asarray(glaze.wavelengths if wavelengths is None else validate_wavelengths(wavelengths), float)
+    pigments: dict[str, Any] = {}
+    coats = []
+    for number, one in enumerate(glaze.layers):
+        coats.append({"paint": _parts(one, number, grid, pigments, mixed and number == layer), "um": _um(one)})
+    level = _on(glaze.wavelengths, glaze.substrate, grid) if ground is None else np.asarray(ground, float)
+    if level.shape != grid.shape:
+        raise ValueError(f"the ground has {level.size} bands, but the table has {grid.size}")
+    stack = {"glazejax": "stack", "version": 1, "refractive_index": index_of(glaze), "coats": coats}
+    stack["ground"] = {"wavelengths": grid.tolist(), "reflectance": np.clip(level, 0.0, 1.0).tolist()}
+    return json.dumps(stack | {"pigments": pigments})
+
+
+def _parts(layer: Layer, number: int, grid: np.ndarray, pigments: dict[str, Any], apart: bool) -> dict[str, float]:
+    """Weights of a coat's paints, which are filed among the pigments."""
+    medium = layer.medium
+    media: list[tuple[Pigment | Mixture, float]] = [(medium, 1.0)]
+    if apart and isinstance(medium, Mixture):
+        media = [(p, float(w)) for p, w in zip(medium.pigments, np.asarray(medium.weights, float), strict=True)]
+    parts = {}
+    for part, (one, weight) in enumerate(media):
+        name = f"{number}.{part} {one.name}"
+        pigments[name] = {"wavelengths": grid.tolist()} | {
+            key: np.maximum(_on(one.wavelengths, getattr(one, key), grid), 0.0).tolist()
+            for key in ("absorption", "scattering")
+        }
+        parts[name] = weight
+    return parts
+
+
+def _on(old: Numbers, values: Numbers, new: np.ndarray) -> np.ndarray:
+    """A spectrum (bands,) or a number on other wavelengths."""
+    array, grid = np.asarray(values, float), np.asarray(old, float)
+    if array.ndim == 0 or array.size == 1:
+        return np.full(new.shape, float(array.reshape(())))
+    same = grid.shape == new.shape and np.allclose(grid, new, rtol=0, atol=1e-9)
+    return array if same else np.asarray(resample(grid, array, new), float)
+
+
+def _um(layer: Layer) -> float:
+    return float(layer.thickness) / _MICROMETRE
+
+
+def _thickness(thickness: Surface, most: float | None) -> dict[str, Any]:
+    found: dict[str, Any] = {} if most is None else {"thickness_max": float(most)}
+    if isinstance(thickness, Mapping) or np.ndim(thickness) == 0:  # pyright: ignore[reportArgumentType]
+        return found | {"thickness": _map("thickness", thickness, 0.0, MAX_THICKNESS)}
+    _map("thickness", thickness, 0.0, MAX_THICKNESS)
+    scaled = np.asarray(thickness, float) / _MICROMETRE
+    return found | {"thickness": _texture(scaled), "thickness_scale": _MICROMETRE}
+
+
+def _map(name: str, given: Surface, low: float, high: float) -> Any:
+    """A number or texture, checked."""
+    if isinstance(given, Mapping):
+        return dict(given)
+    values = np.asarray(given, float)
+    if values.ndim not in (0, 2) or values.size == 0:
+        raise ValueError(
+            f"{name} is an array of shape {values.shape}; give a number, a map (rows, columns) or a texture of Mitsuba"
+        )
+    if not (values.min() >= low and values.max() <= high):
+        wrong = values[~((values >= low) & (values <= high))].flat[0]
+        unit = " metres (20 micrometres are 20e-6)" if name == "thickness" else ""
+        raise ValueError(f"{name} has the value {wrong:g}; it must be {low:g} to {high:g}{unit}")
+    return float(values) if values.ndim == 0 else _texture(values)
+
+
+def _texture(values: np.ndarray) -> dict[str, Any]:
+    """A map of numbers as a texture, linear between its values."""
+    mi, _ = renderer()
+    return {
+        "type": "bitmap",
+        "bitmap": mi.Bitmap(np.ascontiguousarray(values[..., None], np.float32)),
+        "raw": True,
+        "filter_type": "bilinear",
+        "wrap_mode": "clamp",
+    }
+
+
+def _ground(ground: Surface) -> Any:
+    if isinstance(ground, Mapping) or np.ndim(ground) != 3:  # pyright: ignore[reportArgumentType]
+        return _map("ground", ground, 0.0, 1.0)
+    values = np.asarray(ground, float)
+    if not (values.min() >= 0 and values.max() <= 1):
+        wrong = values[~((values >= 0) & (values <= 1))].flat[0]
+        raise ValueError(f"ground has the value {wrong:g}; it must be 0 to 1")
+    mi, _ = renderer()
+    return mi.Bitmap(np.ascontiguousarray(values, np.float32))

@@ -1,0 +1,157 @@
+"""What a scene file says about a glaze, read from Mitsuba's properties and checked."""
+
+import difflib
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from ...paint.media import MAX_THICKNESS
+
+KNOWN = (
+    "coats",
+    "layer",
+    "thickness",
+    "thickness_scale",
+    "thickness_max",
+    "fraction",
+    "ground",
+    "refractive_index",
+    "roughness",
+    "gloss",
+    "tolerance",
+)
+
+
+class Given(NamedTuple):
+    """The parameters of one glaze; textures are Mitsuba's."""
+
+    coats: str
+    layer: int
+    thickness: Any
+    """A number in m, a texture in units of `thickness_scale`, or None for the coat's own."""
+    thickness_scale: float
+    thickness_max: float
+    """Largest thickness of the table, m."""
+    fraction: Any
+    """A number, a texture or None."""
+    ground: Any
+    """A number, a texture, an array (rows, columns, bands), or None for that of the coats."""
+    refractive_index: float | None
+    roughness: float
+    gloss: bool
+    tolerance: float
+
+
+def read(mi: Any, props: Any) -> Given:
+    """Parameters of a glaze.
+
+    Raises:
+        ValueError: something is missing, unknown, of another kind or out of range; the message names the value and
+            the fix.
+    """
+    names = set(props.keys() if hasattr(props, "keys") else props.property_names())
+    for name in sorted(names - set(KNOWN)):
+        near = difflib.get_close_matches(name, KNOWN, n=1)
+        raise ValueError(f"a glaze has no {name!r}" + (f"; you may mean {near[0]!r}" if near else f"; it has {KNOWN}"))
+    if "coats" not in names or not isinstance(props["coats"], str):
+        raise ValueError('a glaze needs "coats", such as "UltramarineBlue:3um, ZincWhite:20um"')
+    scale = _number(props, names, "thickness_scale", 1.0, 1e-12, 1e3)
+    thickness = _texture(mi, props, names, "thickness", "get_unbounded_texture")
+    fraction = _texture(mi, props, names, "fraction", "get_unbounded_texture")
+    ground = props["ground"] if "ground" in names and _is_array(mi, props["ground"]) else None
+    ground = _texture(mi, props, names, "ground", "get_texture") if ground is None else _bands(ground)
+    most = _number(props, names, "thickness_max", math.nan, 0.0, MAX_THICKNESS)
+    least, largest = _range(mi, thickness)
+    if isinstance(thickness, float):
+        scale = 1.0 if "thickness_scale" not in names else scale
+    where = "thickness" if scale == 1.0 else f"thickness times thickness_scale ({scale:g})"
+    if thickness is not None and not (least >= 0 and largest * scale <= MAX_THICKNESS):
+        wrong = least if not least >= 0 else largest * scale
+        raise ValueError(
+            f"{where} has the value {wrong:g}; it must be 0 to {MAX_THICKNESS:g} metres (20 micrometres are 20e-6, or "
+            "20 with a thickness_scale of 1e-6)"
+        )
+    if math.isnan(most):
+        most = largest * scale
+    elif thickness is not None and largest * scale > most * (1 + 1e-6):
+        raise ValueError(f"{where} reaches {largest * scale:g} m, beyond the thickness_max of {most:g} m: raise that")
+    _check_share("fraction", *_range(mi, fraction))
+    _check_share("ground", *_range(mi, ground))
+    return Given(
+        props["coats"],
+        int(_number(props, names, "layer", 0, 0, 1000)),
+        thickness * scale if isinstance(thickness, float) else thickness,
+        scale,
+        most,
+        fraction,
+        ground,
+        _number(props, names, "refractive_index", 0.0, 1.0, 2.5) if "refractive_index" in names else None,
+        _number(props, names, "roughness", 0.0, 0.0, 1.0),
+        bool(props["gloss"]) if "gloss" in names else True,
+        _number(props, names, "tolerance", 1e-3, 1e-5, 0.1),
+    )
+
+
+def _number(props: Any, names: set[str], name: str, default: float, low: float, high: float) -> float:
+    if name not in names:
+        return default
+    value = props[name]
+    if not isinstance(value, int | float) or isinstance(value, bool) or not low <= value <= high:
+        raise ValueError(f"{name} is {value!r}; it must be a number between {low:g} and {high:g}")
+    return float(value)
+
+
+def _texture(mi: Any, props: Any, names: set[str], name: str, getter: str) -> Any:
+    """A number, a texture, or None if it is not given."""
+    if name not in names:
+        return None
+    value = props[name]
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return float(value)
+    if _is_array(mi, value) or isinstance(value, str | bool):
+        raise ValueError(
+            f"{name} is {type(value).__name__}; give a number or a texture, or an array to glazejax.appearance.mitsuba."
+            "glaze_bsdf"
+        )
+    return getattr(props, getter)(name) if hasattr(props, getter) else value
+
+
+def _is_array(mi: Any, value: Any) -> bool:
+    return isinstance(value, mi.TensorXf | mi.Bitmap)
+
+
+def _bands(value: Any) -> Float[np.ndarray, "rows columns bands"]:
+    """An array of spectra."""
+    array = np.array(value, np.float32)
+    if array.ndim != 3:
+        raise ValueError(f"a ground given as an array must be (rows, columns, bands), not of shape {array.shape}")
+    return array
+
+
+def values_of(mi: Any, texture: Any) -> np.ndarray | None:
+    """What a texture holds, as far as it says so."""
+    held = mi.traverse(texture)
+    for name in held.keys():  # noqa: SIM118
+        if name.rpartition(".")[2] in ("data", "value"):
+            return np.array(held[name], float)
+    return None
+
+
+def _range(mi: Any, given: Any) -> tuple[float, float]:
+    """Smallest and largest value; NaN if there is one."""
+    if given is None:
+        return 0.0, 0.0
+    if isinstance(given, float):
+        return given, given
+    values = given if isinstance(given, np.ndarray) else values_of(mi, given)
+    if values is None or values.size == 0:
+        return 0.0, 0.0
+    return float(values.min()), float(values.max())
+
+
+def _check_share(name: str, low: float, high: float) -> None:
+    if not (low >= 0 and high <= 1):
+        wrong = low if not low >= 0 else high
+        raise ValueError(f"{name} has the value {wrong:g}; it must lie between 0 and 1")

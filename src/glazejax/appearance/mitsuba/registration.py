@@ -1,0 +1,41 @@
+"""How Mitsuba comes to know the BSDF ``glaze``."""
+
+import sys
+from typing import Any
+
+from .bsdf import GlazeBSDF
+from .device import renderer
+
+_callbacks: list[Any] = []
+
+
+def register() -> None:
+    """Make ``{"type": "glaze", ...}`` known to the variant of Mitsuba that is set, and to those set from now on.
+
+    Raises:
+        ModuleNotFoundError: Mitsuba is not installed.
+        ValueError: no variant is set, or one without spectra.
+    """
+    _attach(renderer()[0])
+
+
+def _attach(mi: Any) -> None:
+    _register(mi)
+    if not _callbacks:
+        _callbacks.append(lambda old, new: _register(mi))
+        mi.detail.add_variant_callback(_callbacks[0])
+
+
+def register_if_set() -> None:
+    """The same, where Mitsuba is loaded with a variant that will do."""
+    mitsuba = sys.modules.get("mitsuba")
+    if mitsuba is not None and getattr(mitsuba, "variant", lambda: None)() is not None:
+        _attach(mitsuba)
+
+
+def _register(mi: Any) -> None:
+    """In the current variant: one without spectra gets it too, and says at load what it lacks."""
+    # Mitsuba's classes take no second base, so the methods are copied.
+    methods = {name: part for name, part in vars(GlazeBSDF).items() if name not in ("__dict__", "__weakref__")}
+    kind = type("Glaze", (mi.BSDF,), methods)
+    mi.register_bsdf("glaze", lambda props: kind(props))

@@ -1,0 +1,358 @@
+"""The body of a glaze as a table that a renderer can look up at any angles, wavelength, thickness and fraction.
+
+All of a glaze's reflectances, whatever the wavelength or thickness, are close to sums of a few shapes over the two
+angles. The table keeps the shapes (symmetric in the angles, so that reciprocity is exact), and how much of each there is
+at every wavelength, thickness and fraction. Its error is measured at points of its own, through the same lookup that
+renders.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from numpy.polynomial import chebyshev
+
+from ...chebyshev_table import SAFETY, Axis, Mirrored, coefficients_from_nodes, extrema
+from ...paint.media import Glaze
+from . import lookup
+from .coats import Axes
+from .lookup import NUMPY, Arithmetic, Place
+from .nodes import Nodes, Solver, bounded, factor_of, lagrange, solve_nodes
+from .surfaces import Surface, known_part
+
+_ANGLES = (33, 65, 129, 257)
+_LINE = (9, 17, 33, 65, 129)
+_CHECKS = 96
+# Shares of the tolerance: shapes left out, distances between angles, and between thicknesses and fractions.
+_SHAPES, _BETWEEN_ANGLES, _BETWEEN_NODES = 0.1, 0.05, 0.05
+_TRIES = 3
+_LEAST_COSINE = 1e-3
+_QUADRATURE = 64
+
+
+@dataclass(frozen=True)
+class Body:
+    """Light from below the surface: reflectance factor pi L_out / E_in, by lookup.
+
+    Attributes:
+        surface: above.
+        wavelengths: (bands,), nm, at even distances. In between values are linear, beyond the ends those of the ends.
+        axes: what varies, in this order.
+        counts: nodes along each axis.
+        angles: nodes along an angle.
+        pairs: shapes over two angles, (angles, angles, packets, 4), float32.
+        pair_weights: of them, (nodes, bands, 2^axes, packets, 4).
+        lines: shapes of the light that gets to the ground, (angles, packets, 4); None where the ground is in `pairs`.
+        line_weights: of them, (nodes, bands, 2^axes, packets + 1, 4); the first of the last packet is S.
+        mean_weights: `pair_weights` over the mean ground, mean of the bands, (nodes, 2^axes, packets, 4).
+        albedo_shapes: `pairs` over all directions of the second angle, (angles, packets, 4).
+        packets: of the shapes over two angles, and of those over one (0 without).
+        error: estimated largest absolute error of the reflectance factor in a band, for any ground.
+        tolerance: what was asked for.
+    """
+
+    surface: Surface
+    wavelengths: Float[np.ndarray, "bands"]
+    axes: dict[str, Axis | Mirrored]
+    counts: tuple[int, ...]
+    angles: int
+    pairs: np.ndarray
+    pair_weights: np.ndarray
+    lines: np.ndarray | None
+    line_weights: np.ndarray | None
+    mean_weights: np.ndarray
+    albedo_shapes: np.ndarray
+    packets: tuple[int, int]
+    error: float = np.nan
+    tolerance: float = np.nan
+
+    @property
+    def bands(self) -> int:
+        """Rows of wavelengths."""
+        return self.wavelengths.size
+
+    @property
+    def bytes(self) -> int:
+        """Memory of the tables."""
+        kept = (self.pairs, self.pair_weights, self.lines, self.line_weights, self.mean_weights, self.albedo_shapes)
+        return sum(table.nbytes for table in kept if table is not None)
+
+    def __repr__(self) -> str:
+        axes = "".join(f", {n} {name}" for n, name in zip(self.counts, self.axes, strict=True))
+        return (
+            f"Body({self.bands} bands, {4 * self.pairs.shape[2]} shapes of {self.angles} angles{axes}, "
+            f"{self.bytes / 1e6:.2g} MB, estimated error {self.error:.2g})"
+        )
+
+
+def nodes_at(ops: Arithmetic, body: Body, varying: dict[str, Any]) -> list[tuple[Any, list[Any]]]:
+    """Nodes and weights of `lookup` for the values of the body's axes."""
+    places = [
+        lookup.place_on(ops, axis, varying[name], count)
+        for (name, axis), count in zip(body.axes.items(), body.counts, strict=True)
+    ]
+    return lookup.nodes_and_weights(places, body.counts)
+
+
+def band_at(ops: Arithmetic, body: Body, wavelength: Any) -> Place:
+    """Cell of a wavelength in nm."""
+    low, high = float(body.wavelengths[0]), float(body.wavelengths[-1])
+    return lookup.place(ops, (wavelength - low) / (high - low), body.bands)
+
+
+def angle_at(ops: Arithmetic, body: Body, cosine: Any) -> Place:
+    """Cell of a cosine in air."""
+    return lookup.place(ops, body.surface.coordinate(ops, cosine), body.angles)
+
+
+def body_table(
+    surface: Surface,
+    glaze: Glaze,
+    layer: int = 0,
+    axes: Axes = Axes(),  # noqa: B008
+    ground: Float[np.ndarray, "bands"] | None = None,
+    mean_ground: float = 0.5,
+    tolerance: float = 1e-3,
+) -> Body:
+    """Table of a glaze under a surface.
+
+    Args:
+        surface: above.
+        glaze: on even wavelengths (`read_coats`).
+        layer: number of the coat that varies, 0 on top.
+        axes: what varies of it, and from where to where.
+        ground: reflectance of the ground in each band, put into the table; None for any ground, given at each lookup.
+        mean_ground: about what the ground then reflects, for choosing directions.
+        tolerance: absolute error wanted of the reflectance factor, in the bands.
+
+    Returns:
+        `Body`, whose `error` says what was reached.
+    """
+    tries, best = tolerance, None
+    for _ in range(_TRIES):
+        nodes = solve_nodes(surface, glaze, layer, axes, tries)
+        body = _compressed(nodes, ground, mean_ground)
+        error = _error(body, Solver(surface, glaze, layer, 0.05 * tolerance), ground) + 0.05 * tolerance
+        if best is None or error < best.error:
+            best = replace(body, error=error, tolerance=tolerance)
+        if error <= tolerance:
+            break
+        tries /= 4.0
+    assert best is not None
+    return best
+
+
+def reflectance_factor(
+    ops: Arithmetic, body: Body, cos_in: Any, cos_out: Any, varying: dict[str, Any], wavelengths: list[Any], ground: Any
+) -> list[Any]:
+    """Reflectance factor of the body at each wavelength.
+
+    Args:
+        ops: arithmetic of all that follows; the body's tables must be of its kind.
+        body: of `body_table`.
+        cos_in, cos_out: cosines in air, above 0.
+        varying: values of the body's axes.
+        wavelengths: nm.
+        ground: its reflectance at each of the wavelengths; None for a body that has its own.
+    """
+    packets = body.packets
+    a, b = (angle_at(ops, body, cosine) for cosine in (cos_in, cos_out))
+    shapes = lookup.pair_sum(ops, body.pairs, a, b, body.angles, packets[0])
+    known = known_part(ops, body.surface, cos_in, cos_out)
+    nodes = nodes_at(ops, body, varying)
+    places = [band_at(ops, body, wavelength) for wavelength in wavelengths]
+    found = []
+    for band in places:
+        weights = lookup.spectral_sum(ops, body.pair_weights, nodes, packets[0], band, body.bands)
+        found.append(_dots(ops, shapes, weights) * known)
+    if body.lines is not None:
+        one, two = (lookup.line_sum(ops, body.lines, angle, packets[1]) for angle in (a, b))
+        let_in = body.surface.transmittance(ops, cos_in) * body.surface.transmittance(ops, cos_out)
+        for k, band in enumerate(places):
+            *weights, last = lookup.spectral_sum(
+                ops, body.line_weights, nodes, packets[1] + 1, band, body.bands
+            )
+            through = _dots(ops, one, weights) * _dots(ops, two, weights) * let_in
+            found[k] = factor_of(found[k], through, 1.0, last[0], ground[k])
+    return [ops.maximum(value, 0.0) for value in found]
+
+
+def mean_albedo(ops: Arithmetic, body: Body, cos_in: Any, varying: dict[str, Any]) -> Any:
+    """Share of light from one direction that the body gives back, mean of the bands, over the mean ground."""
+    shapes = lookup.line_sum(ops, body.albedo_shapes, angle_at(ops, body, cos_in), body.packets[0])
+    weights = lookup.node_sum(ops, body.mean_weights, nodes_at(ops, body, varying), body.packets[0])
+    return ops.clip(_dots(ops, shapes, weights), 0.0, 1.0)
+
+
+def _dots(ops: Arithmetic, one: list[Any], two: list[Any]) -> Any:
+    return sum(ops.dot(a, b) for a, b in zip(one, two, strict=True))
+
+
+def _compressed(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> Body:
+    """Shapes and their weights, from the solver's nodes."""
+    surface, n = nodes.surface, nodes.cosines.size
+    known = known_part(NUMPY, surface, nodes.cosines[:, None], nodes.cosines)
+    exact, dim = folded(nodes, ground), folded(nodes, mean_ground if ground is None else ground)
+    dim = dim.mean(axis=-2, keepdims=True)
+    shapes, onto = _basis([exact, dim], known.ravel(), _SHAPES * nodes.tolerance)
+    weights, means = (_series(values @ onto, len(nodes.axes)) for values in (exact, dim))
+    squares = shapes.reshape(-1, n, n)
+    count = _angle_count(squares, known, weights, _BETWEEN_ANGLES * nodes.tolerance)
+    to_grid = lagrange(np.linspace(-1.0, 1.0, count), n)
+    lines = through = None
+    if ground is None:
+        tau = nodes.parts(_extrema(nodes)).through / surface.transmittance(NUMPY, nodes.cosines)
+        across, onto_lines = _basis([tau], surface.transmittance(NUMPY, nodes.cosines), _SHAPES * nodes.tolerance)
+        lines = _packed(to_grid @ across.T)
+        back = nodes.parts(_extrema(nodes)).back[..., None]
+        through = _series(np.concatenate([_padded(tau @ onto_lines), back], axis=-1), len(nodes.axes))
+    # All kept series must do between the nodes; what the ground sees counts more, as light goes back and forth.
+    worst = np.max(known) * np.max(np.abs(shapes), axis=-1)
+    limit = _BETWEEN_NODES * nodes.tolerance
+    counts = tuple(_line_count(weights * worst, k, limit) for k in range(len(nodes.axes)))
+    if through is not None:
+        counts = tuple(max(c, _line_count(through, k, limit)) for k, c in enumerate(counts))
+    cosines, measure = _hemisphere()
+    onto_sphere = lagrange(2.0 * surface.coordinate(NUMPY, cosines) - 1.0, n) * measure[:, None]
+    steps = surface.cosine(np.linspace(0.0, 1.0, count))
+    sphere = known_part(NUMPY, surface, steps[:, None], cosines) @ onto_sphere
+    albedo = np.einsum("ai,aj,kij->ak", to_grid, sphere, squares)
+    return Body(
+        surface,
+        nodes.wavelengths,
+        nodes.axes,
+        counts,
+        count,
+        _packed(np.einsum("ai,bj,kij->abk", to_grid, to_grid, squares)),
+        _packed(_hermite_numbers(weights, counts)),
+        lines,
+        None if through is None else _packed(_hermite_numbers(through, counts)),
+        _packed(_hermite_numbers(means, counts)),
+        _packed(albedo),
+        (len(shapes) // 4, 0 if lines is None else lines.shape[-2]),
+    )
+
+
+def folded(nodes: Nodes, ground: Any) -> Float[np.ndarray, "*nodes bands pairs"]:
+    """What is left of the reflectance factor without its known part, on Chebyshev's nodes; black without a ground."""
+    parts = nodes.parts(_extrema(nodes))
+    level = np.reshape(0.0 if ground is None else ground, (-1, 1, 1))
+    back = np.clip(parts.back, 0.0, 0.999)[..., None, None]
+    whole = factor_of(parts.black, parts.through[..., :, None], parts.through[..., None, :], back, level)
+    values = whole / known_part(NUMPY, nodes.surface, nodes.cosines[:, None], nodes.cosines)
+    return values.reshape(*values.shape[:-2], -1)
+
+
+def _extrema(nodes: Nodes) -> list[np.ndarray]:
+    """Nodes enough for products of the series."""
+    return [extrema(2 * terms - 1) for terms in nodes.coefficients.shape[: len(nodes.axes)]]
+
+
+def _series(values: np.ndarray, axes: int) -> np.ndarray:
+    """Chebyshev coefficients of values at the extrema."""
+    for k in range(axes):
+        values = np.moveaxis(np.tensordot(coefficients_from_nodes(extrema, values.shape[k]), values, (1, k)), 0, k)
+    return values
+
+
+def _basis(rows: list[np.ndarray], weights: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
+    """Few shapes (shapes, channels) whose sums come near to all rows, and the matrix onto them (channels, shapes)."""
+    weighed = np.concatenate([values.reshape(-1, weights.size) for values in rows]) * weights
+    vectors = np.linalg.eigh(weighed.T @ weighed)[1][:, ::-1]
+    count = 0
+    for count in range(4, weights.size + 4, 4):
+        some = vectors[:, :count]
+        if np.max(np.abs(weighed - (weighed @ some) @ some.T)) <= tolerance:
+            break
+    some = vectors[:, :count]
+    return some.T / weights, some * weights[:, None]
+
+
+def _angle_count(squares: np.ndarray, known: np.ndarray, weights: np.ndarray, tolerance: float) -> int:
+    """Nodes of an angle, between which shapes are close to straight."""
+    n = squares.shape[-1]
+    size = np.abs(weights).reshape(-1, weights.shape[-1]).max(axis=0) * known.max()
+    for count in _ANGLES:
+        nodes = np.linspace(-1.0, 1.0, count)
+        ends, middle = lagrange(nodes, n), lagrange(0.5 * (nodes[1:] + nodes[:-1]), n)
+        off = np.einsum("ai,kij->kaj", middle - 0.5 * (ends[1:] + ends[:-1]), squares)
+        if np.max(np.abs(off).max(axis=(1, 2)) * size) <= tolerance:
+            return count
+    return _ANGLES[-1]
+
+
+def _line_count(series: np.ndarray, k: int, tolerance: float) -> int:
+    """Nodes of one axis, between which Hermite's cubics are close enough."""
+    series = np.moveaxis(series, k, 0).reshape(series.shape[k], -1)
+    for count in _LINE:
+        x = np.linspace(-1.0, 1.0, count)
+        value, slope = chebyshev.chebvander(x, len(series) - 1) @ series, _slopes(x, series)
+        middle = chebyshev.chebvander(0.5 * (x[1:] + x[:-1]), len(series) - 1) @ series
+        guess = 0.5 * (value[1:] + value[:-1]) + (slope[:-1] - slope[1:]) * (x[1] - x[0]) / 8.0
+        if np.max(np.abs(guess - middle)) <= tolerance:
+            return count
+    return _LINE[-1]
+
+
+def _slopes(x: np.ndarray, series: np.ndarray) -> np.ndarray:
+    """Derivatives (points, channels) of Chebyshev series (terms, channels)."""
+    if len(series) == 1:
+        return np.zeros((x.size, series.shape[1]))
+    down = chebyshev.chebder(series, axis=0)
+    return chebyshev.chebvander(x, len(down) - 1) @ down
+
+
+def _hermite_numbers(series: np.ndarray, counts: tuple[int, ...]) -> np.ndarray:
+    """Values and slopes (in cells) on even grids, (nodes, bands, 2^axes, channels), from series (*terms, bands, ..)."""
+    found = [series]
+    for k, count in enumerate(counts):
+        x = np.linspace(-1.0, 1.0, count)
+
+        def along(values: np.ndarray, k: int = k, x: np.ndarray = x, *, slope: bool) -> np.ndarray:
+            moved = np.moveaxis(values, k, 0)
+            flat = moved.reshape(len(moved), -1)
+            new = (_slopes(x, flat) * (x[1] - x[0])) if slope else chebyshev.chebvander(x, len(flat) - 1) @ flat
+            return np.moveaxis(new.reshape(x.size, *moved.shape[1:]), 0, k)
+
+        found = [along(values, slope=slope) for values in found for slope in (False, True)]
+    stacked = np.stack(found, axis=-2)
+    return stacked.reshape(-1, *stacked.shape[-3:])
+
+
+def _padded(values: np.ndarray) -> np.ndarray:
+    """A multiple of four channels, by zeros."""
+    return np.pad(values, [(0, 0)] * (values.ndim - 1) + [(0, -values.shape[-1] % 4)])
+
+
+def _packed(values: np.ndarray) -> np.ndarray:
+    """Channels in packets of four, float32."""
+    padded = _padded(values)
+    return np.ascontiguousarray(padded.reshape(*padded.shape[:-1], -1, 4), np.float32)
+
+
+def _hemisphere() -> tuple[np.ndarray, np.ndarray]:
+    """Cosines and weights of the integral over the hemisphere, 2 mu d mu."""
+    x, w = np.polynomial.legendre.leggauss(_QUADRATURE)
+    cosines = 0.5 * (x + 1.0)
+    return cosines, w * cosines
+
+
+def _error(body: Body, solver: Solver, ground: np.ndarray | None) -> float:
+    """Largest error at points not used before, times the safety of all tables."""
+    rng = np.random.default_rng(1)
+    a, b = np.clip(rng.beta(0.6, 0.6, (2, _CHECKS)), _LEAST_COSINE, 1.0)
+    a[:2] = b[:1] = _LEAST_COSINE
+    # Half of them evenly, half as the coordinate crowds.
+    points = {}
+    for name, axis in body.axes.items():
+        even = rng.uniform(axis.low, axis.high, _CHECKS)
+        points[name] = np.where(rng.random(_CHECKS) < 0.5, even, axis.point(rng.uniform(-1.0, 1.0, _CHECKS)))
+    level = rng.random(_CHECKS)[:, None, None] if ground is None else ground
+    cosines = [x[:, None, None] for x in (a, b)]
+    truth = solver.factor(points, *cosines, level).reshape(_CHECKS, -1)
+    waves = [np.full(_CHECKS, w) for w in body.wavelengths]
+    given = None if ground is not None else [level[:, 0, 0]] * body.bands
+    found = np.stack(reflectance_factor(NUMPY, body, a, b, points, waves, given), axis=-1)
+    return SAFETY * float(np.max(np.abs(found - truth) * bounded(body.surface, a, b)[:, None]))
