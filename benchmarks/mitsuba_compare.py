@@ -125,14 +125,14 @@ def differences(one: np.ndarray, two: np.ndarray, mask: np.ndarray | None = None
 
 
 def on_objects(case: Case) -> np.ndarray:
-    """Pixels (h, w) in whose middle something else than the floor is seen."""
+    """Pixels (h, w) in whose middle something else than the floor, the first of several shapes, is seen."""
     scene = case.scene
     pixels = np.arange(scene.width * scene.height)
     rays = scene.rays(pixels % scene.width + 0.5, pixels // scene.width + 0.5)
     level = trace(
         scene.geometry(), lamps(scene.lights), *rays, reflects=lambda number, cosines: 0 * cosines, bounces=0
     )[0]
-    return (level.shape > 0).reshape(scene.height, scene.width)
+    return (level.shape >= min(1, len(scene.shapes) - 1)).reshape(scene.height, scene.width)
 
 
 def main() -> None:

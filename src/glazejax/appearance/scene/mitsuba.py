@@ -144,20 +144,22 @@ def _bsdf(
 
 
 def _glaze(material: Glazed, grid: np.ndarray, on_sphere: bool, gloss: bool, tolerance: float) -> dict[str, Any]:
-    from ..mitsuba import glaze_bsdf
+    from ..mitsuba import glaze_bsdf, register
 
-    thickness = material.thickness
-    if thickness is not None and on_sphere:
-        thickness = sphere_map(np.asarray(thickness))
-    found = glaze_bsdf(
+    register()
+    thickness = None if material.thickness is None else np.asarray(material.thickness, float)
+    if thickness is not None:
+        # The plugin wants the first row at v = 0.
+        thickness = sphere_map(thickness) if on_sphere else thickness[::-1]
+    return glaze_bsdf(
         material.glaze,
         roughness=material.roughness,
         thickness=thickness,
         layer=material.layer,
         wavelengths=grid,
+        gloss=gloss and material.gloss,
         tolerance=tolerance,
     )
-    return found | {"gloss": gloss and material.gloss}
 
 
 def _metal(material: Conductor, grid: np.ndarray) -> dict[str, Any]:

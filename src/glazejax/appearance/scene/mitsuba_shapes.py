@@ -96,12 +96,12 @@ def write_ply(path: Path, mesh: Mesh) -> dict[str, Any]:
 
 
 def sphere_map(values: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:
-    """A map turned so that it lies on Mitsuba's sphere as on the ray caster's: there u begins half way round, and v
-    runs down. An odd width is doubled by repeating columns, so that half of it is whole.
+    """A map whose first row is on top, as Mitsuba's sphere wants it with the first row at v = 0: there v runs down
+    from the top, and u begins half way round. An odd width is doubled by repeating columns, so that half is whole.
     """
     if values.shape[1] % 2:
         values = np.repeat(values, 2, axis=1)
-    return np.roll(values, values.shape[1] // 2, axis=1)[::-1]
+    return np.roll(values, values.shape[1] // 2, axis=1)
 
 
 def _faces(axes: np.ndarray, centre: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
