@@ -199,7 +199,9 @@ def _relief(table: TomlTable, folder: Path) -> np.ndarray | None:
         if table.has("relief_height"):
             raise table.error("relief_height", 'has no meaning without relief, a map of heights such as "strokes.npy"')
         return None
-    height = table.number("relief_height", 1.0 if file.lower().endswith(".npy") else ...)
+    # An array may hold lengths already; a picture cannot.
+    array = file.lower().endswith(".npy")
+    height = table.number("relief_height", 1.0) if array else table.number("relief_height")
     with table.blamed("relief"):
         return height * read_heights(folder / file)
 

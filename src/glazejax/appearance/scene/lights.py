@@ -14,7 +14,7 @@ from jaxtyping import Float
 from ...cie import illuminants
 from ...colour import CIE_1931, colour_weights, find_illuminant
 from ...spectra import Grid, Numbers, describe_grid, validate_wavelengths
-from .shapes import Plane, Sphere, vector
+from .shapes import Plane, Shape, Sphere, vector
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class AreaLight:
         ValueError: another shape, or a plane without a size.
     """
 
-    shape: Plane | Sphere
+    shape: Shape
     spectrum: Numbers
 
     def __post_init__(self) -> None:

@@ -85,7 +85,7 @@ class Plane:
     normal: Numbers = (0.0, 0.0, 1.0)
     size: Sequence[float] | None = None
     up: Numbers = (0.0, 0.0, 1.0)
-    relief: Float[np.ndarray, "h w"] | None = None
+    relief: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         vector("point", self.point)
@@ -103,7 +103,7 @@ class Plane:
             raise ValueError("a plane with a relief needs a size, its width and height")
 
 
-def check_relief(relief: Float[np.ndarray, "h w"]) -> None:
+def check_relief(relief: np.ndarray) -> None:
     """Refuse what is no map of heights.
 
     Raises:
