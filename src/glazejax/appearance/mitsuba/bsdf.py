@@ -6,7 +6,7 @@ Mitsuba's plastics; wrap the glaze in ``twosided`` for things that are seen from
 """
 
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -14,13 +14,14 @@ import numpy as np
 from . import table
 from .coats import Axes, check_layer, ground_of, index_of, read_coats, varied
 from .device import DrJit, renderer
-from .lobes import Mirror
+from .lobes import Facets, Mirror
 from .parameters import Given, read
-from .surfaces import Smooth
+from .surfaces import Rough, Smooth
 from .table import Body, body_table
 
 # Room for a texture whose values are all alike: a table wants a range.
 _LEAST_RANGE = 1e-9
+_LEAST_COSINE = 1e-6
 
 
 @lru_cache(maxsize=64)
@@ -52,7 +53,8 @@ def _table(
         bands = glaze.wavelengths.size
         level = None if ground == "any" else ground_of(glaze) if ground == "own" else np.broadcast_to(ground, (bands,))
         level = None if level is None else np.asarray(level, float)
-        surface = Smooth(index_of(glaze))
+        index = index_of(glaze)
+        surface = Rough(index, roughness) if roughness > 0 else Smooth(index)
         return body_table(surface, glaze, layer, axes, level, mean_ground, tolerance)
 
 
@@ -60,6 +62,20 @@ def bands_of(coats: str, refractive_index: float | None) -> np.ndarray:
     """Wavelengths of the table, nm."""
     with jax.enable_x64(True):
         return np.asarray(read_coats(coats, refractive_index).wavelengths, float)
+
+
+class _Point(NamedTuple):
+    """A point of the surface, seen from one direction."""
+
+    lit: Any
+    """Whether light comes from the front."""
+    surface: bool
+    body: bool
+    """Which lobes are asked for."""
+    share: Any
+    """How often the surface's lobe is drawn."""
+    here: table.Here | None
+    """The body's table there."""
 
 
 class GlazeBSDF:
@@ -86,7 +102,9 @@ class GlazeBSDF:
             given.tolerance,
         )
         self._body = DrJit(mi, dr).body(self.table)
-        self._surface = Mirror(mi, dr, self.table.surface.refractive_index) if given.gloss else None
+        above = self.table.surface
+        lobe = Facets(mi, dr, above) if isinstance(above, Rough) else Mirror(mi, dr, above.refractive_index)
+        self._surface = lobe if given.gloss else None
         flags = mi.BSDFFlags
         textured = any(x is not None for x in (self._thickness, self._fraction, self._ground))
         spatial = int(flags.SpatiallyVarying) if textured else 0
@@ -109,50 +127,27 @@ class GlazeBSDF:
 
     def sample(self, ctx: Any, si: Any, sample1: Any, sample2: Any, active: Any = True) -> tuple[Any, Any]:
         """A direction from the surface's lobe or the body's, and value times cosine over density."""
-        mi, dr = self._mi, self._dr
-        lit, share, (surface, body) = self._shares(ctx, si, active)
-        bs = dr.zeros(mi.BSDFSample3f)
-        if not (surface or body):
-            return bs, mi.UnpolarizedSpectrum(0.0)
-        from_body = mi.warp.square_to_cosine_hemisphere(sample2)
-        first = lit & (sample1 < share)
-        bs.eta = 1.0
-        number = mi.UInt32(self.component_count() - 1)
-        bs.wo, bs.sampled_type, bs.sampled_component = from_body, mi.UInt32(self._diffuse), number
-        if surface:
-            along = self._surface.sample(si.wi, sample1 / dr.maximum(share, 1e-6), sample2)
-            bs.wo = dr.select(first, along, from_body)
-            bs.sampled_type = dr.select(first, mi.UInt32(self._surface.flag), bs.sampled_type)
-            bs.sampled_component = dr.select(first, mi.UInt32(0), number)
-        value, density = self._value_and_density(si, bs.wo, lit, share, surface, body)
-        bs.pdf = density
-        weight = dr.select(density > 0, value / dr.maximum(density, 1e-30), 0.0)
-        if surface and self._surface.delta:
-            mirrored = self._surface.mirrored(si.wi)
-            bs.pdf = dr.select(first, share, bs.pdf)
-            weight = dr.select(first, mi.UnpolarizedSpectrum(mirrored / dr.maximum(share, 1e-6)), weight)
-        good = lit & (bs.pdf > 0)
-        return bs, dr.select(good, weight, 0.0)
+        return self._sample(si, self._at(ctx, si, active), sample1, sample2)
 
     def eval(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
         """BSDF times the cosine of `wo`."""
-        return self.eval_pdf(ctx, si, wo, active)[0]
+        return self._value(si, self._at(ctx, si, active), wo)
 
     def pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> Any:
         """Density of `sample` in solid angle."""
-        lit, share, (surface, body) = self._shares(ctx, si, active)
-        return self._density(si, wo, lit, share, surface, body)
+        return self._density(si, self._at(ctx, si, active, valued=False), wo)
 
     def eval_pdf(self, ctx: Any, si: Any, wo: Any, active: Any = True) -> tuple[Any, Any]:
         """Both of them."""
-        lit, share, (surface, body) = self._shares(ctx, si, active)
-        return self._value_and_density(si, wo, lit, share, surface, body)
+        here = self._at(ctx, si, active)
+        return self._value(si, here, wo), self._density(si, here, wo)
 
     def eval_pdf_sample(
         self, ctx: Any, si: Any, wo: Any, sample1: Any, sample2: Any, active: Any = True
     ) -> tuple[Any, Any, Any, Any]:
-        """All three."""
-        return *self.eval_pdf(ctx, si, wo, active), *self.sample(ctx, si, sample1, sample2, active)
+        """All three, the table looked up once."""
+        here = self._at(ctx, si, active)
+        return self._value(si, here, wo), self._density(si, here, wo), *self._sample(si, here, sample1, sample2)
 
     def to_string(self) -> str:
         """One line."""
@@ -161,65 +156,80 @@ class GlazeBSDF:
     def __repr__(self) -> str:
         return self.to_string()
 
-    def _shares(self, ctx: Any, si: Any, active: Any) -> tuple[Any, Any, tuple[bool, bool]]:
-        """Where light comes from the front, how often the surface's lobe is drawn, and which lobes are asked for."""
+    def _at(self, ctx: Any, si: Any, active: Any, *, valued: bool = True) -> "_Point":
+        """What a point has whatever the second direction: the table's weights if values are wanted, and its lobes."""
         mi, dr = self._mi, self._dr
+        lit = active & (si.wi.z > 0.0)
         flags, last = mi.BSDFFlags, self.component_count() - 1
         body = ctx.is_enabled(flags.DiffuseReflection, last)
-        kind = None if self._surface is None else self._surface.kind
-        surface = kind is not None and ctx.is_enabled(kind, 0)
-        cosine = si.wi.z
-        lit = active & (cosine > 0.0)
+        surface = self._surface is not None and ctx.is_enabled(self._surface.kind, 0)
+        ops, varying = DrJit(mi, dr, lit), self._varying(si, lit)
+        here = None
+        if body and valued:
+            ground = None if self._ground is None else self._ground_at(si, lit)
+            here = table.at_point(ops, self._body, varying, list(si.wavelengths), ground)
         if not (surface and body):
-            return lit, mi.Float(1.0 if surface else 0.0), (surface, body)
-        ops, within = DrJit(mi, dr, lit), dr.maximum(dr.detach(cosine), 1e-6)
-        below = table.mean_albedo(ops, self._body, within, self._varying(si, lit, detach=True))
+            return _Point(lit, surface, body, mi.Float(1.0 if surface else 0.0), here)
+        within = dr.maximum(dr.detach(si.wi.z), _LEAST_COSINE)
+        below = table.mean_albedo(ops, self._body, within, {name: dr.detach(x) for name, x in varying.items()})
         above = self._surface.albedo(within)
         # Neither is left out for good.
-        return lit, dr.clip(above / dr.maximum(above + below, 1e-6), 0.02, 0.98), (surface, body)
+        share = dr.clip(above / dr.maximum(above + below, 1e-6), 0.02, 0.98)
+        return _Point(lit, surface, body, share, here)
 
-    def _density(self, si: Any, wo: Any, lit: Any, share: Any, surface: bool, body: bool) -> Any:
+    def _value(self, si: Any, at: "_Point", wo: Any) -> Any:
         mi, dr = self._mi, self._dr
-        density = self._mi.Float(0.0)
-        if body:
-            density = density + (1.0 - share) * mi.warp.square_to_cosine_hemisphere_pdf(wo)
-        if surface and not self._surface.delta:
-            density = density + share * self._surface.density(si.wi, wo)
-        return dr.select(lit & (wo.z > 0.0), density, 0.0)
-
-    def _value_and_density(self, si: Any, wo: Any, lit: Any, share: Any, surface: bool, body: bool) -> tuple[Any, Any]:
-        mi, dr = self._mi, self._dr
-        lit = lit & (wo.z > 0.0)
+        lit = at.lit & (wo.z > 0.0)
         value = mi.UnpolarizedSpectrum(0.0)
-        if body:
-            value = value + self._body_factor(si, wo, lit) * (wo.z / dr.pi)
-        if surface and not self._surface.delta:
+        if at.here is not None:
+            one, two = (dr.maximum(cosine, _LEAST_COSINE) for cosine in (si.wi.z, wo.z))
+            found = table.reflectance_factor(DrJit(mi, dr, lit), self._body, at.here, one, two)
+            for k, factor in enumerate(found):
+                value[k] = factor * (wo.z / dr.pi)
+        if at.surface and not self._surface.delta:
             value = value + self._surface.value(si.wi, wo)
-        return dr.select(lit, value, 0.0), self._density(si, wo, lit, share, surface, body)
+        return dr.select(lit, value, 0.0)
 
-    def _body_factor(self, si: Any, wo: Any, lit: Any) -> Any:
-        """The body's reflectance factor."""
+    def _density(self, si: Any, at: "_Point", wo: Any) -> Any:
         mi, dr = self._mi, self._dr
-        ops = DrJit(mi, dr, lit)
-        waves = si.wavelengths
-        ground = None if self._body.lines is None else self._ground_at(si, lit)
-        one, two = (dr.maximum(cosine, 1e-6) for cosine in (si.wi.z, wo.z))
-        lanes = range(len(waves))
-        found = table.reflectance_factor(
-            ops, self._body, one, two, self._varying(si, lit), [waves[k] for k in lanes], ground
-        )
-        spectrum = mi.UnpolarizedSpectrum(0.0)
-        for k in lanes:
-            spectrum[k] = found[k]
-        return spectrum
+        density = mi.Float(0.0)
+        if at.body:
+            density = density + (1.0 - at.share) * mi.warp.square_to_cosine_hemisphere_pdf(wo)
+        if at.surface and not self._surface.delta:
+            density = density + at.share * self._surface.density(si.wi, wo)
+        return dr.select(at.lit & (wo.z > 0.0), density, 0.0)
 
-    def _varying(self, si: Any, lit: Any, *, detach: bool = False) -> dict[str, Any]:
+    def _sample(self, si: Any, at: "_Point", sample1: Any, sample2: Any) -> tuple[Any, Any]:
+        mi, dr = self._mi, self._dr
+        bs = dr.zeros(mi.BSDFSample3f)
+        if not (at.surface or at.body):
+            return bs, mi.UnpolarizedSpectrum(0.0)
+        first = at.lit & (sample1 < at.share)
+        number = mi.UInt32(self.component_count() - 1)
+        bs.eta = mi.Float(1.0)
+        bs.wo = mi.warp.square_to_cosine_hemisphere(sample2)
+        bs.sampled_type, bs.sampled_component = mi.UInt32(self._diffuse), number
+        if at.surface:
+            along = self._surface.sample(si.wi, sample1 / dr.maximum(at.share, 1e-6), sample2)
+            bs.wo = dr.select(first, along, bs.wo)
+            bs.sampled_type = dr.select(first, mi.UInt32(self._surface.flag), bs.sampled_type)
+            bs.sampled_component = dr.select(first, mi.UInt32(0), number)
+        bs.pdf = self._density(si, at, bs.wo)
+        weight = self._value(si, at, bs.wo) / dr.maximum(bs.pdf, 1e-30)
+        if at.surface and self._surface.delta:
+            mirrored = mi.UnpolarizedSpectrum(self._surface.mirrored(si.wi) / dr.maximum(at.share, 1e-6))
+            bs.pdf = dr.select(first, at.share, bs.pdf)
+            weight = dr.select(first, mirrored, weight)
+        bs.pdf = dr.select(at.lit, bs.pdf, 0.0)
+        return bs, dr.select(bs.pdf > 0.0, weight, 0.0)
+
+    def _varying(self, si: Any, lit: Any) -> dict[str, Any]:
         found = {}
         if self._thickness is not None:
             found["thickness"] = self._thickness.eval_1(si, lit) * self._given.thickness_scale
         if self._fraction is not None:
             found["fraction"] = self._fraction.eval_1(si, lit)
-        return {name: self._dr.detach(x) for name, x in found.items()} if detach else found
+        return found
 
     def _ground_at(self, si: Any, lit: Any) -> Any:
         value = self._ground.eval(si, lit)
@@ -262,9 +272,7 @@ class _Bands:
             )
         self._mi, self._ends, self._mean = mi, (float(wavelengths[0]), float(wavelengths[-1])), float(values.mean())
         volume = np.ascontiguousarray(np.moveaxis(values, -1, 0)[..., None], np.float32)
-        self._texture = mi.Texture3f(
-            mi.TensorXf(volume), filter_mode=dr.FilterMode.Linear, wrap_mode=dr.WrapMode.Clamp
-        )
+        self._texture = mi.Texture3f(mi.TensorXf(volume), filter_mode=dr.FilterMode.Linear, wrap_mode=dr.WrapMode.Clamp)
         self._count = wavelengths.size
 
     def mean(self) -> float:

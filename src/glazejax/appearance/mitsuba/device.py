@@ -28,7 +28,9 @@ def renderer() -> tuple[Any, Any]:
     if not mi.is_spectral:
         raise ValueError(f"a glaze is known by its spectrum, and the variant {variant} has none: {use}")
     if mi.is_polarized:
-        raise ValueError(f"a glaze is known for unpolarised light, and the variant {variant} follows polarisation: {use}")
+        raise ValueError(
+            f"a glaze is known for unpolarised light, and the variant {variant} follows polarisation: {use}"
+        )
     return mi, dr
 
 
@@ -63,4 +65,5 @@ class DrJit:
     def body(self, body: Body) -> Body:
         """A body's table on the device."""
         names = ("pairs", "pair_weights", "lines", "line_weights", "mean_weights", "albedo_shapes")
-        return replace(body, **{name: self.kept(getattr(body, name)) for name in names})
+        tables = {name: self.kept(getattr(body, name)) for name in names}
+        return replace(body, surface=body.surface.on(self.kept), **tables)

@@ -1,14 +1,19 @@
 """The surface of a glaze as its table needs it: how light gets through, and in which coordinate angles are smooth."""
 
+import copy
+import functools
+from collections.abc import Callable
 from typing import Any, Protocol
 
 import numpy as np
 
 from ...radiative.stack import stack_reflectance_factor
 from ...spectra import Numbers
+from . import lookup
 from .lookup import Arithmetic
 
 _BLOCK = 4096
+_STEPS, _QUADRATURE = 257, 64
 # Without a surface the factor has no bound where both directions graze; there it is this sum of cosines' value.
 _LEAST_SUM = 1e-6
 
@@ -30,8 +35,12 @@ class Surface(Protocol):
         """Share of light from air that the surface lets in; cosine of incidence."""
         ...
 
-    def factor(self, stack: dict[str, Numbers], cos_in: Numbers, cos_out: Numbers, tolerance: float) -> Numbers:
+    def factor(self, stack: dict[str, Numbers], cos_in: Numbers, cos_out: Numbers, tolerance: float) -> np.ndarray:
         """The solver's reflectance factor of what lies below, with this surface."""
+        ...
+
+    def on(self, kept: Callable[[np.ndarray], Any]) -> "Surface":
+        """The same with its tables as `Arithmetic.packet` takes them."""
         ...
 
 
@@ -59,27 +68,85 @@ class Smooth:
         p = (n * n * cosine - within) / (n * n * cosine + within)
         return 1.0 - 0.5 * (s * s + p * p)
 
-    def factor(self, stack: dict[str, Numbers], cos_in: Numbers, cos_out: Numbers, tolerance: float) -> Numbers:
-        """`stack_reflectance_factor`, in blocks of one size, so that one program is compiled."""
-        names = ("substrate_reflectance", "cos_incidence", "cos_viewing")
-        albedo, depth = np.broadcast_arrays(*(np.asarray(stack[k]) for k in ("albedo", "optical_thickness")))
-        others = [np.asarray(x, float) for x in (stack["substrate_reflectance"], cos_in, cos_out)]
-        shape = np.broadcast_shapes(albedo.shape[:-1], *(x.shape for x in others))
-        layers = [np.broadcast_to(x, (*shape, x.shape[-1])).reshape(-1, x.shape[-1]) for x in (albedo, depth)]
-        rows = [*layers, *(np.broadcast_to(x, shape).reshape(-1) for x in others)]
-        found = []
-        for start in range(0, len(layers[0]), _BLOCK):
-            albedo, depth, *rest = (np.resize(x[start : start + _BLOCK], (_BLOCK, *x.shape[1:])) for x in rows)
-            found.append(
-                stack_reflectance_factor(
-                    albedo,
-                    depth,
-                    **dict(zip(names, rest, strict=True)),
-                    refractive_index=self.refractive_index,
-                    tolerance=tolerance,
-                )
-            )
-        return np.concatenate(found)[: len(layers[0])].reshape(shape)
+    def factor(self, stack: dict[str, Numbers], cos_in: Numbers, cos_out: Numbers, tolerance: float) -> np.ndarray:
+        """`stack_reflectance_factor`."""
+        return in_blocks(stack_reflectance_factor, stack, cos_in, cos_out, tolerance, self.refractive_index)
+
+    def on(self, kept: Callable[[np.ndarray], Any]) -> "Smooth":
+        """It has no tables."""
+        return self
+
+
+class Rough:
+    """GGX facets on both sides, their loss made good (`glazejax.radiative.rough`)."""
+
+    def __init__(self, refractive_index: float, roughness: float):
+        from ...radiative.rough import loss_constant, surface_albedo, surface_loss
+
+        self.refractive_index, self.roughness = refractive_index, roughness
+        given = {"refractive_index": refractive_index, "roughness": roughness}
+        self.lost = float(loss_constant(**given))
+        cosines = np.maximum(self.cosine(np.linspace(0.0, 1.0, _STEPS)), 1e-6)
+        albedo, loss = (np.asarray(f(cosines, **given), float) for f in (surface_albedo, surface_loss))
+        # How much of the light lost by single facets comes back to the air.
+        fine, weights = np.polynomial.legendre.leggauss(_QUADRATURE)
+        fine = 0.5 * (fine + 1.0)
+        back = float(np.sum(weights * fine * np.asarray(surface_loss(fine, **given)))) / self.lost
+        share = np.clip(loss * back / albedo, 0.0, 1.0)
+        columns = np.stack([albedo, loss, share, 0.0 * share], axis=-1)
+        self.table: Any = np.ascontiguousarray(columns[:, None], np.float32)
+
+    def coordinate(self, ops: Arithmetic, cosine: Any) -> Any:
+        """From cosines in air to [0, 1]."""
+        return ops.sqrt(cosine)
+
+    def cosine(self, coordinate: Any) -> Any:
+        """From [0, 1] to cosines in air."""
+        return coordinate * coordinate
+
+    def columns(self, ops: Arithmetic, cosine: Any) -> Any:
+        """At cosines in air: all that is reflected, what single facets lose, and the share of that in the former."""
+        return lookup.line_sum(ops, self.table, lookup.place(ops, self.coordinate(ops, cosine), _STEPS), 1)[0]
+
+    def transmittance(self, ops: Arithmetic, cosine: Any) -> Any:
+        """All that is not reflected."""
+        return 1.0 - self.columns(ops, cosine)[0]
+
+    def factor(self, stack: dict[str, Numbers], cos_in: Numbers, cos_out: Numbers, tolerance: float) -> np.ndarray:
+        """`rough_reflectance_factor`."""
+        from ...radiative.rough import rough_reflectance_factor
+
+        solve = functools.partial(rough_reflectance_factor, roughness=self.roughness)
+        return in_blocks(solve, stack, cos_in, cos_out, tolerance, self.refractive_index)
+
+    def on(self, kept: Callable[[np.ndarray], Any]) -> "Rough":
+        """With its table as `Arithmetic.packet` takes it."""
+        other = copy.copy(self)
+        other.table = kept(self.table)
+        return other
+
+
+def in_blocks(
+    solve: Callable[..., Any],
+    stack: dict[str, Numbers],
+    cos_in: Numbers,
+    cos_out: Numbers,
+    tolerance: float,
+    refractive_index: float,
+) -> np.ndarray:
+    """Reflectance factors of stacks that broadcast, in blocks of one size, so that one program is compiled."""
+    names = ("substrate_reflectance", "cos_incidence", "cos_viewing")
+    albedo, depth = np.broadcast_arrays(*(np.asarray(stack[k]) for k in ("albedo", "optical_thickness")))
+    others = [np.asarray(x, float) for x in (stack["substrate_reflectance"], cos_in, cos_out)]
+    shape = np.broadcast_shapes(albedo.shape[:-1], *(x.shape for x in others))
+    layers = [np.broadcast_to(x, (*shape, x.shape[-1])).reshape(-1, x.shape[-1]) for x in (albedo, depth)]
+    rows = [*layers, *(np.broadcast_to(x, shape).reshape(-1) for x in others)]
+    given = {"refractive_index": refractive_index, "tolerance": tolerance}
+    found = []
+    for start in range(0, len(rows[0]), _BLOCK):
+        albedo, depth, *rest = (np.resize(x[start : start + _BLOCK], (_BLOCK, *x.shape[1:])) for x in rows)
+        found.append(np.asarray(solve(albedo, depth, **dict(zip(names, rest, strict=True)), **given)))
+    return np.concatenate(found)[: len(rows[0])].reshape(shape)
 
 
 def inside(ops: Arithmetic, cosine: Any, refractive_index: float) -> Any:

@@ -7,7 +7,7 @@ renders.
 """
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -144,38 +144,51 @@ def body_table(
     return best
 
 
-def reflectance_factor(
-    ops: Arithmetic, body: Body, cos_in: Any, cos_out: Any, varying: dict[str, Any], wavelengths: list[Any], ground: Any
-) -> list[Any]:
-    """Reflectance factor of the body at each wavelength.
+class Here(NamedTuple):
+    """What a point of the surface has at each wavelength, whatever the angles."""
+
+    pairs: list[list[Any]]
+    """Weights of the shapes over two angles, in packets."""
+    lines: list[list[Any]] | None
+    """Weights of those of the light that reaches the ground, the first number of the last packet S."""
+    ground: list[Any] | None
+    """Reflectance of the ground."""
+
+
+def at_point(
+    ops: Arithmetic, body: Body, varying: dict[str, Any], wavelengths: list[Any], ground: list[Any] | None
+) -> Here:
+    """The part of the lookup that angles do not change.
 
     Args:
         ops: arithmetic of all that follows; the body's tables must be of its kind.
         body: of `body_table`.
-        cos_in, cos_out: cosines in air, above 0.
         varying: values of the body's axes.
         wavelengths: nm.
         ground: its reflectance at each of the wavelengths; None for a body that has its own.
     """
-    packets = body.packets
-    a, b = (angle_at(ops, body, cosine) for cosine in (cos_in, cos_out))
-    shapes = lookup.pair_sum(ops, body.pairs, a, b, body.angles, packets[0])
-    known = known_part(ops, body.surface, cos_in, cos_out)
     nodes = nodes_at(ops, body, varying)
     places = [band_at(ops, body, wavelength) for wavelength in wavelengths]
-    found = []
-    for band in places:
-        weights = lookup.spectral_sum(ops, body.pair_weights, nodes, packets[0], band, body.bands)
-        found.append(_dots(ops, shapes, weights) * known)
-    if body.lines is not None:
-        one, two = (lookup.line_sum(ops, body.lines, angle, packets[1]) for angle in (a, b))
+
+    def of_all(weights: Any, packets: int) -> list[list[Any]]:
+        return [lookup.spectral_sum(ops, weights, nodes, packets, band, body.bands) for band in places]
+
+    lines = None if body.lines is None else of_all(body.line_weights, body.packets[1] + 1)
+    return Here(of_all(body.pair_weights, body.packets[0]), lines, ground)
+
+
+def reflectance_factor(ops: Arithmetic, body: Body, here: Here, cos_in: Any, cos_out: Any) -> list[Any]:
+    """Reflectance factor of the body at each wavelength of `at_point`; cosines in air, above 0."""
+    a, b = (angle_at(ops, body, cosine) for cosine in (cos_in, cos_out))
+    shapes = lookup.pair_sum(ops, body.pairs, a, b, body.angles, body.packets[0])
+    known = known_part(ops, body.surface, cos_in, cos_out)
+    found = [_dots(ops, shapes, weights) * known for weights in here.pairs]
+    if here.lines is not None and here.ground is not None:
+        one, two = (lookup.line_sum(ops, body.lines, angle, body.packets[1]) for angle in (a, b))
         let_in = body.surface.transmittance(ops, cos_in) * body.surface.transmittance(ops, cos_out)
-        for k, band in enumerate(places):
-            *weights, last = lookup.spectral_sum(
-                ops, body.line_weights, nodes, packets[1] + 1, band, body.bands
-            )
+        for k, ((*weights, last), ground) in enumerate(zip(here.lines, here.ground, strict=True)):
             through = _dots(ops, one, weights) * _dots(ops, two, weights) * let_in
-            found[k] = factor_of(found[k], through, 1.0, last[0], ground[k])
+            found[k] = factor_of(found[k], through, 1.0, last[0], ground)
     return [ops.maximum(value, 0.0) for value in found]
 
 
@@ -354,5 +367,6 @@ def _error(body: Body, solver: Solver, ground: np.ndarray | None) -> float:
     truth = solver.factor(points, *cosines, level).reshape(_CHECKS, -1)
     waves = [np.full(_CHECKS, w) for w in body.wavelengths]
     given = None if ground is not None else [level[:, 0, 0]] * body.bands
-    found = np.stack(reflectance_factor(NUMPY, body, a, b, points, waves, given), axis=-1)
+    here = at_point(NUMPY, body, points, waves, given)
+    found = np.stack(reflectance_factor(NUMPY, body, here, a, b), axis=-1)
     return SAFETY * float(np.max(np.abs(found - truth) * bounded(body.surface, a, b)[:, None]))
