@@ -1,4 +1,12 @@
-"""Thickness maps that look painted: overlapping brush strokes with the marks of bristles, and a primed canvas."""
+"""Maps that look painted: brush strokes with the marks of bristles, thick and thin, a primed canvas, a wooden board.
+
+    python -m benchmarks.strokes FILE.npy [--size ROWSxCOLUMNS] [--seed N]
+
+Writes the heights of an impasto, 0 to about 1, for the key `relief` of a scene file.
+"""
+
+import argparse
+from pathlib import Path
 
 import numpy as np
 from jaxtyping import Float
@@ -152,3 +160,18 @@ def _stretched(rng, rows: int, columns: int, down: float, across: float) -> np.n
         spectrum *= line[:, None] if k == 0 else line
     out = np.fft.ifft2(spectrum).real
     return (out - out.mean()) / out.std()
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("file", type=Path, help="array to write, .npy")
+    parser.add_argument("--size", default="600x800", help="rows and columns (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="of the random strokes (default: %(default)s)")
+    options = parser.parse_args()
+    rows, columns = (int(part) for part in options.size.split("x"))
+    np.save(options.file, impasto(rows, columns, seed=options.seed).astype(np.float32))
+    print(f"written to {options.file}")
+
+
+if __name__ == "__main__":
+    main()

@@ -127,7 +127,11 @@ def test_a_small_scene_is_what_its_file_says(write):
         ('layers = "U', 'roughness = 2\nlayers = "U', r"\[materials.paint\] roughness: roughness must be 0 \(smooth\)"),
         ("normal = [0, 0, 1]", 'normal = [0, 0, 1]\nrelief = "no.npy"', r"\[objects.floor\] relief: there is no file"),
         ("normal = [0, 0, 1]", 'normal = [0, 0, 1]\nrelief = "no.png"', r"\[objects.floor\]: relief_height is missing"),
-        ("normal = [0, 0, 1]", "normal = [0, 0, 1]\nrelief_height = 1", r"relief_height: has no meaning without relief"),
+        (
+            "normal = [0, 0, 1]",
+            "normal = [0, 0, 1]\nrelief_height = 1",
+            r"relief_height: has no meaning without relief",
+        ),
         ("direction = [0, 1, -1]", "direction = [0, 0, 0]", r"\[lights.sun\]: direction is \(0, 0, 0\)"),
         ("reflectance = 0.5", "reflectance = 50", r"reflectance: must lie between 0 and 1, not 50; 50 percent is 0.5"),
         ("reflectance = 0.5", 'reflectance = "red.csv"', r"\[materials.grey\] reflectance: 'red.csv' is neither"),
@@ -342,6 +346,11 @@ def test_the_command_path_traces(write, tmp_path, quiet_start):
     ):
         refused = run(write(LIT), "-o", out, "--overwrite", "--renderer", "mitsuba", *arguments)
         assert words in str(refused.exception)
+
+
+def test_the_example_by_a_window_is_for_the_path_tracer():
+    found = scene_file.read_scene(Path(__file__).parents[2] / "docs" / "window.toml")
+    assert found.scene.needs_path_tracing() == "area lights and glazes with a rough surface"
 
 
 def test_the_ray_caster_names_the_other_renderer(write, tmp_path, quiet_start):
