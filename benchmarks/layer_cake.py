@@ -28,7 +28,7 @@ _WIDE, _DEEP, _HIGH = 1.25, 2.3, 0.2
 _THICK = 0.05
 FIRST, SECOND = ("ChromeYellow", 1.2e-6), ("PrussianBlue", 0.13e-6)
 UNDERPAINT = ("LeadWhite", 40e-6)
-CAMERA = Camera((-0.4, -8.2, 4.8), (0.0, -0.1, 0.22), field_of_view=44.0)
+CAMERA = Camera((-0.3, -8.2, 4.6), (0.0, -0.1, 0.36), field_of_view=42.0)
 
 
 def scene(width: int, height: int, fine: float = 1.0) -> Scene:

@@ -82,7 +82,7 @@ def panel(
     """
     angles = (-lean, 0.0, turn)
     about = rotation(angles)
-    right, back, up = about.T
+    _, back, up = about.T
     front = np.asarray(foot, float) + 0.5 * size[1] * up
     # The relief stands clear of the box even where it is sunk.
     clear = 0.004 + (0.0 if relief is None else max(0.0, -float(relief.min())))
