@@ -2,7 +2,8 @@
 
 A reflectance is analytic in the thickness of each layer but for a logarithm at zero, and levels off where a layer
 becomes opaque. A coordinate that crowds where a layer is thin makes few points do; it is chosen by trial along each
-axis. `glazejax.interpolated` and the tables of `glazejax.appearance.glaze` stand on this; `xp` is numpy or jax.numpy.
+axis. `glazejax.interpolated` and the tables of `glazejax.appearance` stand on this; `xp` is numpy, jax.numpy, or (for
+coordinates) whatever has their functions.
 
 Source: L. N. Trefethen, Approximation Theory and Approximation Practice (2013), chapters 2 to 8.
 """
@@ -36,12 +37,12 @@ class Axis(NamedTuple):
     """0 (a Python number) for the coordinate x itself; else log(1 + sqrt(curvature x/high)), its root softened at
     zero."""
 
-    def coordinate(self, x: Any, xp: ModuleType = jnp) -> Any:
+    def coordinate(self, x: Any, xp: Any = jnp) -> Any:
         """From [low, high] to [-1, 1]."""
         a, b = self._stretch(self.low, xp), self._stretch(self.high, xp)
         return (2.0 * self._stretch(x, xp) - a - b) / (b - a)
 
-    def _stretch(self, x: Any, xp: ModuleType) -> Any:
+    def _stretch(self, x: Any, xp: Any) -> Any:
         if isinstance(self.curvature, float) and self.curvature == 0.0:
             return x
         soft = _SOFT * self.high
@@ -71,7 +72,7 @@ class Mirrored(NamedTuple):
     def _from_above(self) -> Axis:
         return Axis(0.0, self.high - self.low, self.curvature)
 
-    def coordinate(self, x: Any, xp: ModuleType = jnp) -> Any:
+    def coordinate(self, x: Any, xp: Any = jnp) -> Any:
         """From [low, high] to [-1, 1]."""
         return -self._from_above().coordinate(self.high - x, xp)
 

@@ -2,6 +2,7 @@ from . import auxiliary as auxiliary
 from . import manyflux as manyflux
 from . import plan as plan
 from . import profile as profile
+from . import rough as rough
 from . import stack as stack
 from . import twoflux as twoflux
 from .common import fresnel as fresnel

@@ -55,6 +55,8 @@ def glaze_bsdf(
         ValueError: a glaze with batch axes, phase functions or an index that varies; a map of another number of axes or
             with values out of range; no such coat. With maps: no variant that follows wavelengths is set.
     """
+    if not 0 <= roughness <= 1:
+        raise ValueError(f"roughness is {roughness}; it must lie between 0 (smooth) and 1")
     found: dict[str, Any] = {"type": "glaze", "coats": str(glaze), "layer": int(layer), "gloss": bool(gloss)}
     found |= {"roughness": float(roughness), "tolerance": float(tolerance)}
     if isinstance(glaze, Glaze):
@@ -131,6 +133,9 @@ def _thickness(thickness: Surface, most: float | None) -> dict[str, Any]:
     if isinstance(thickness, Mapping) or np.ndim(thickness) == 0:  # pyright: ignore[reportArgumentType]
         return found | {"thickness": _map("thickness", thickness, 0.0, MAX_THICKNESS)}
     _map("thickness", thickness, 0.0, MAX_THICKNESS)
+    largest = float(np.max(np.asarray(thickness)))
+    if most is not None and largest > most * (1 + 1e-6):
+        raise ValueError(f"thickness reaches {largest:g} m, beyond the thickness_max of {most:g} m: raise that")
     scaled = np.asarray(thickness, float) / _MICROMETRE
     return found | {"thickness": _texture(scaled), "thickness_scale": _MICROMETRE}
 

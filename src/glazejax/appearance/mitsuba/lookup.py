@@ -6,13 +6,14 @@ and slopes, so that derivatives are smooth; angles and wavelengths linearly.
 """
 
 from collections.abc import Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import numpy as np
 
 from ...chebyshev_table import Axis, Mirrored
 
 
+@runtime_checkable
 class Arithmetic(Protocol):
     """What the lookup asks of an array library."""
 

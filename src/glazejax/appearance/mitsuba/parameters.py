@@ -89,7 +89,7 @@ def read(mi: Any, props: Any) -> Given:
         ground,
         _number(props, names, "refractive_index", 0.0, 1.0, 2.5) if "refractive_index" in names else None,
         _number(props, names, "roughness", 0.0, 0.0, 1.0),
-        bool(props["gloss"]) if "gloss" in names else True,
+        _flag(props, names, "gloss", True),
         _number(props, names, "tolerance", 1e-3, 1e-5, 0.1),
     )
 
@@ -101,6 +101,13 @@ def _number(props: Any, names: set[str], name: str, default: float, low: float, 
     if not isinstance(value, int | float) or isinstance(value, bool) or not low <= value <= high:
         raise ValueError(f"{name} is {value!r}; it must be a number between {low:g} and {high:g}")
     return float(value)
+
+
+def _flag(props: Any, names: set[str], name: str, default: bool) -> bool:
+    value = props[name] if name in names else default
+    if not isinstance(value, bool):
+        raise ValueError(f"{name} is {value!r}; it must be true or false")
+    return value
 
 
 def _texture(mi: Any, props: Any, names: set[str], name: str, getter: str) -> Any:

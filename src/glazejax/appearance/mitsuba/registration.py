@@ -38,4 +38,13 @@ def _register(mi: Any) -> None:
     # Mitsuba's classes take no second base, so the methods are copied.
     methods = {name: part for name, part in vars(GlazeBSDF).items() if name not in ("__dict__", "__weakref__")}
     kind = type("Glaze", (mi.BSDF,), methods)
-    mi.register_bsdf("glaze", lambda props: kind(props))
+    mi.register_bsdf("glaze", lambda props: _made(kind, props))
+
+
+def _made(kind: Any, props: Any) -> Any:
+    """The BSDF; Mitsuba prints the whole way of an error, so that is kept short."""
+    try:
+        return kind(props)
+    except (ValueError, OSError, ModuleNotFoundError) as error:
+        problem = error
+    raise problem.with_traceback(None)

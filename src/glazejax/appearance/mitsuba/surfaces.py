@@ -3,7 +3,7 @@
 import copy
 import functools
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -18,6 +18,7 @@ _STEPS, _QUADRATURE = 257, 64
 _LEAST_SUM = 1e-6
 
 
+@runtime_checkable
 class Surface(Protocol):
     """What the table of a body asks of the surface above it."""
 

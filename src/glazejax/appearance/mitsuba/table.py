@@ -36,6 +36,8 @@ _QUADRATURE = 64
 class Body:
     """Light from below the surface: reflectance factor pi L_out / E_in, by lookup.
 
+    Tables are arrays of NumPy as made, and whatever `Arithmetic.packet` takes on a device.
+
     Attributes:
         surface: above.
         wavelengths: (bands,), nm, at even distances. In between values are linear, beyond the ends those of the ends.
@@ -58,12 +60,12 @@ class Body:
     axes: dict[str, Axis | Mirrored]
     counts: tuple[int, ...]
     angles: int
-    pairs: np.ndarray
-    pair_weights: np.ndarray
-    lines: np.ndarray | None
-    line_weights: np.ndarray | None
-    mean_weights: np.ndarray
-    albedo_shapes: np.ndarray
+    pairs: Any
+    pair_weights: Any
+    lines: Any
+    line_weights: Any
+    mean_weights: Any
+    albedo_shapes: Any
     packets: tuple[int, int]
     error: float = np.nan
     tolerance: float = np.nan

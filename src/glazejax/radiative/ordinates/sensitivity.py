@@ -37,17 +37,7 @@ def reflectance_and_gradient(
     system = assemble(stack, resolution)
     value, solution = solve(system, with_fields=True)
     assert solution is not None
-    _, mirrored, back = order(system.thickness.shape[0])
-    gradient = {}
-    if "albedo" in wanted:
-        turn = turning(system.modes)
-        slope = by_albedo(system.albedo, system.modes, turn, system.thickness, system.beams, mirrored, solution.fields)
-        gradient["albedo"] = (system.factor * slope)[back].T
-    if "optical_thickness" in wanted:
-        gradient["optical_thickness"] = (system.factor * _by_thickness(system, solution)).T
-    if "ground" in wanted:
-        by_factor = jnp.prod(_diffuse_on_ground(system, solution) + system.ends.ground_light, axis=-1)
-        gradient["ground"] = system.factor * by_factor * 4.0 / (1.0 + stack.ground) ** 2
+    gradient = gradient_of_layers(system, solution, stack.ground, wanted)
     for name in [name for name in wanted if name not in gradient]:
 
         def stationary(leaf: Array, name: str = name) -> Array:
@@ -62,6 +52,27 @@ def reflectance_and_gradient(
             unresolved = _excess(leaf) < resolution.resolves()
             gradient[name] += jnp.where(unresolved, system.factor * _onset(stack, system, solution), 0.0)
     return value, gradient
+
+
+def gradient_of_layers(
+    system: System, solution: SolvedFields, ground: Array, wanted: tuple[str, ...]
+) -> dict[str, Array]:
+    """Derivative of a solved system by those of albedo, optical_thickness and ground that are wanted.
+
+    It is that of the fields alone: how light comes in, and what the surface does, is held.
+    """
+    _, mirrored, back = order(system.thickness.shape[0])
+    gradient = {}
+    if "albedo" in wanted:
+        turn = turning(system.modes)
+        slope = by_albedo(system.albedo, system.modes, turn, system.thickness, system.beams, mirrored, solution.fields)
+        gradient["albedo"] = (system.factor * slope)[back].T
+    if "optical_thickness" in wanted:
+        gradient["optical_thickness"] = (system.factor * _by_thickness(system, solution)).T
+    if "ground" in wanted:
+        by_factor = jnp.prod(_diffuse_on_ground(system, solution) + system.ends.ground_light, axis=-1)
+        gradient["ground"] = system.factor * by_factor * 4.0 / (1.0 + ground) ** 2
+    return gradient
 
 
 def _excess(index: Array) -> Array:

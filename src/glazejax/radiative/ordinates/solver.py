@@ -53,6 +53,7 @@ class Ends(NamedTuple):
     ground_vector: Array  # (n,) or (batch, n): sqrt(w)
     ground_factor: Array  # (batch,): c = 4 rho/(1 + rho); delta = (1/mu - c sqrt(w) sqrt(w)^T) sigma - load
     ground_light: Array  # (batch, 2): beam on the ground, exp(-tau/mu) mu; the load is c sqrt(w) times it
+    coupled: Array | None = None  # (n, n): added to the diagonal `interface` where the surface is rough
 
 
 class System(NamedTuple):
@@ -172,9 +173,11 @@ def _outermost(ends: Ends, layer: _Layer) -> tuple[Array, Array]:
     coupled = ground[..., :, None] * seen[..., None, :]
     if halves == 1:
         return impedance - coupled, from_ground[None]
-    nothing = jnp.zeros_like(coupled)
+    rough = jnp.zeros_like(coupled)
+    if ends.coupled is not None:
+        rough = product(transposed(vectors[1]), product(jnp.broadcast_to(-ends.coupled, coupled.shape), vectors[1]))
     from_above = product(ends.interface_load, vectors[1])
-    return impedance - jnp.stack([coupled, nothing]), jnp.stack([from_ground, from_above])
+    return impedance - jnp.stack([coupled, rough]), jnp.stack([from_ground, from_above])
 
 
 def _next(half: _Half, layer: _Layer) -> tuple[Array, Array]:
@@ -269,8 +272,10 @@ def solve(system: System, *, with_fields: bool) -> tuple[Array, SolvedFields | N
     if pairs:
         lower, upper = (_at(half, side, side + 1) for side in (0, 1))
     else:
-        interface = jnp.broadcast_to(ends.interface, layers.scale.shape[1:])
-        lower, upper = half, _Half(_diagonal(interface)[None], ends.interface_load[None])
+        interface = _diagonal(jnp.broadcast_to(ends.interface, layers.scale.shape[1:]))
+        if ends.coupled is not None:
+            interface += ends.coupled
+        lower, upper = half, _Half(interface[None], ends.interface_load[None])
     if pairs and count % 2:
         last = _at(layers, count - 1)
         lower, gain, memory = _eliminate(*_next(lower, last), last)

@@ -1,0 +1,160 @@
+r"""Light between layers of paint and a rough surface: the default solver's layers, closed by a matrix.
+
+With u = sqrt(w mu) L and tau = enters/(2 n^2 sqrt(w mu)) of a beam, light below the surface is u_down = tau + P u_up, P
+being `Operators.back` scaled alike. In the even-parity form of `ordinates.solver` that is an impedance and a load,
+
+    A = mu^-1/2 (I + P)^-1 (I - P) mu^-1/2,     load = 2 mu^-1/2 (I + P)^-1 tau,
+
+and what comes out towards a direction F is again stationary: n^2 R = load_F . sigma_I - 2 tau_F . (I + P)^-1 tau_I.
+"""
+
+import functools
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.custom_derivatives import SymbolicZero
+from jaxtyping import Array
+
+from ..common.chunks import in_chunks
+from ..common.quadrature import Directions
+from ..ordinates.layers import Beams, two_ports
+from ..ordinates.modes import layer_modes
+from ..ordinates.sensitivity import gradient_of_layers
+from ..ordinates.solver import Ends, SolvedFields, System, order, solve
+from .basis import Size
+from .operators import Operators, operators
+
+# Numbers of a chunk's matrices that stay in a processor's cache.
+_CHUNK_NUMBERS = 2**15
+
+
+class Surface(NamedTuple):
+    """Which surface, and how finely it is resolved; static."""
+
+    index: float
+    roughness: float
+    size: Size
+
+    def operators(self) -> Operators:
+        """Made once and kept."""
+        return operators(self.index, self.roughness, self.size)
+
+
+class Lit(NamedTuple):
+    """Stacks and what lights them; batch axis first, layers top first."""
+
+    albedo: Array  # (batch, layers)
+    optical_thickness: Array  # (batch, layers)
+    ground: Array  # (batch,)
+    enters: Array  # (batch, 2, n), `Operators.enters` of light and view
+    from_ground: Array  # (batch, 2), light and view that start on the ground, as irradiances on it
+
+
+class _Fixed(NamedTuple):
+    """Of the surface, in double precision."""
+
+    admits: np.ndarray  # (n, n): load = enters @ admits
+    impedance: np.ndarray  # (n, n), A
+    direct: np.ndarray  # (n, n): 2 tau . (I + P)^-1 tau
+    scale: np.ndarray  # (n,), sqrt(mu)
+
+
+@functools.lru_cache(maxsize=64)
+def _fixed(surface: Surface) -> _Fixed:
+    made = surface.operators()
+    mu, weights = made.basis.cosines, made.basis.weights
+    flux, root = np.sqrt(2.0 * weights * mu), np.sqrt(mu)
+    back = made.back / (flux[:, None] * flux)
+    inverse = np.linalg.inv(np.eye(mu.size) + back)
+    inverse = 0.5 * (inverse + inverse.T)
+    impedance = (2.0 * inverse - np.eye(mu.size)) / (root[:, None] * root)
+    tau = np.diag(1.0 / (2.0 * np.sqrt(weights * mu)))
+    return _Fixed(2.0 * tau @ inverse / root, impedance, 2.0 * tau @ inverse @ tau, root)
+
+
+def reflectance(lit: Lit, surface: Surface) -> Array:
+    """n^2 times the reflectance of each stack, (batch,); see the module, and `ports` for light from the ground."""
+    return _reflectance(lit, surface)
+
+
+@functools.partial(jax.custom_jvp, nondiff_argnums=(1,))
+def _reflectance(lit: Lit, surface: Surface) -> Array:
+    return _in_chunks(lit, surface, None)
+
+
+def _in_chunks(lit: Lit, surface: Surface, wanted: tuple[str, ...] | None) -> Any:
+    layers = lit.albedo.shape[1]
+    nodes = surface.size.upper + surface.size.lower
+    return in_chunks(lambda some: _solve(some, surface, wanted), lit, max(1, _CHUNK_NUMBERS // (nodes**2 * layers)))
+
+
+def _solve(lit: Lit, surface: Surface, wanted: tuple[str, ...] | None) -> Any:
+    """Value, and on request the gradient by what is wanted."""
+    fixed = _fixed(surface)
+    direct, admits = (jnp.asarray(a, lit.albedo.dtype) for a in (fixed.direct, fixed.admits))
+    system = _assemble(lit, surface, fixed)
+    first, second = lit.enters[:, 0], lit.enters[:, 1]
+    value, solution = solve(system, with_fields=wanted is not None)
+    value -= jnp.sum(jnp.matmul(first, direct, precision="highest") * second, axis=-1)
+    if wanted is None:
+        return value
+    assert solution is not None
+    return value, _gradient(lit, system, solution, admits, direct, wanted)
+
+
+def _assemble(lit: Lit, surface: Surface, fixed: _Fixed) -> System:
+    nodes = surface.operators().basis
+    mu, weights = nodes.cosines, nodes.weights
+    batch, count = lit.albedo.shape
+    dtype = lit.albedo.dtype
+    layers, mirrored, _ = order(count)
+    albedo, thickness = lit.albedo.T[layers], lit.optical_thickness.T[layers]
+    modes = layer_modes(albedo, mu, weights)
+    nothing = jnp.zeros((2, batch), dtype)
+    # No beam enters unscattered: all light begins as radiances just below the surface.
+    beams = Beams(jnp.ones((2, batch), dtype), nothing, jnp.zeros((2, count, batch), dtype), nothing)
+    ports = two_ports(albedo, modes.decay_squared, modes.coupling, thickness, beams, mirrored)
+    load = jnp.matmul(lit.enters, jnp.asarray(fixed.admits, dtype), precision="highest")
+    ends = Ends(
+        jnp.zeros(mu.size, dtype),
+        load,
+        jnp.asarray(1.0 / mu, dtype),
+        jnp.asarray(np.sqrt(weights), dtype),
+        4.0 * lit.ground / (1.0 + lit.ground),
+        lit.from_ground,
+        jnp.asarray(fixed.impedance, dtype),
+    )
+    directions = Directions(mu, weights, np.zeros_like(mu))
+    return System(albedo, thickness, modes, beams, ports, ends, jnp.ones(batch, dtype), directions)
+
+
+def _gradient(
+    lit: Lit, system: System, solution: SolvedFields, admits: Array, direct: Array, wanted: tuple[str, ...]
+) -> dict[str, Array]:
+    gradient = gradient_of_layers(system, solution, lit.ground, tuple(n for n in wanted if n == "ground"))
+    # Light that starts on the ground does not come from above: no layer dims it as it does a beam.
+    unlit = system._replace(ends=system.ends._replace(ground_light=jnp.zeros_like(system.ends.ground_light)))
+    of_layers = tuple(n for n in wanted if n in ("albedo", "optical_thickness"))
+    gradient |= gradient_of_layers(unlit, solution, lit.ground, of_layers)
+    if "enters" in wanted:
+        answer = jnp.matmul(solution.at_interface, admits.T, precision="highest")
+        answer -= jnp.matmul(lit.enters, direct, precision="highest")
+        gradient["enters"] = answer[:, ::-1]
+    return gradient
+
+
+def _reflectance_jvp(surface: Surface, primals, tangents):
+    """By the stationary form, as of the smooth surface's solver: see `glazejax.radiative.stack`."""
+    (lit,), (change,) = primals, tangents
+    changes = {name: leaf for name, leaf in change._asdict().items() if not isinstance(leaf, SymbolicZero)}
+    changes.pop("from_ground", None)  # always a constant
+    value, gradient = _in_chunks(lit, surface, tuple(changes))
+    tangent = jnp.zeros_like(value)
+    for name, leaf in changes.items():
+        tangent += jnp.sum((gradient[name] * leaf).reshape(*value.shape, -1), axis=-1)
+    return value, tangent
+
+
+_reflectance.defjvp(_reflectance_jvp, symbolic_zeros=True)

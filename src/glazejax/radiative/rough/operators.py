@@ -1,0 +1,148 @@
+r"""A rough surface between air and paint as a matrix and vectors on the nodes of a `Basis`, made once and kept.
+
+Radiances are basic ones, L/n^2, and fluxes are counted in dm = 2 c dc in air and n^2 2 mu dmu in the paint. The kernel
+K of a surface, averaged over azimuths, is symmetric then: L_out(x) = int K(x, y) L_in(y) dm(y). With polynomials phi_j
+
+    back_jk     = int int phi_j(mu) K(mu, mu') phi_k(mu') 2 mu dmu  n^2 2 mu' dmu'     paint -> paint
+    enters_j(c) = n^2 int phi_j(mu) K(mu, c) 2 mu dmu                                  air -> paint and paint -> air.
+
+K is what single facets do, and the compensation k(x) k(y)/C, where k(x) = 1 - int K_single(x, y) dm(y) is lost by
+single facets and C = int k dm (C. Kulla, A. Conty, SIGGRAPH course 2017, here for both sides at once). All energy is
+kept then: sum_j back_jk + int enters_k(c) 2 c dc/n^2 = int phi_k 2 mu dmu. The losses inside are computed from that.
+"""
+
+import functools
+from typing import Any, NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from ..common.fresnel import array_module, cos_refracted, dielectric_reflectance
+from ..common.quadrature import gauss
+from ..common.simultaneous import fine_half_range
+from .basis import Basis, Size, basis, lagrange
+from .facets import scatter
+
+# Beams at a time: a few million facets.
+_BEAMS = 16
+# Of the rule for a smooth surface.
+_CROWDING = 6.0
+
+
+class AirTable(NamedTuple):
+    """Functions of the cosine c in air, as polynomials in arsinh(c/turn)."""
+
+    turn: float
+    values: Float[np.ndarray, "nodes columns"]
+
+    def coordinate(self, cosine: Any) -> Any:
+        """From cosines in [0, 1] to [0, 1]."""
+        return array_module(cosine).arcsinh(cosine / self.turn) / float(np.arcsinh(1.0 / self.turn))
+
+    def at(self, cosine: Any) -> Any:
+        """Values at cosines (...): (..., columns)."""
+        weights = lagrange(self.coordinate(cosine), self.values.shape[0])
+        xp = array_module(weights)
+        return xp.matmul(weights, xp.asarray(self.values, weights.dtype))
+
+
+class Operators(NamedTuple):
+    """A surface on the nodes of a basis."""
+
+    index: float
+    basis: Basis
+    back: Float[np.ndarray, "n n"]
+    """Paint to paint."""
+    leaves: Float[np.ndarray, "n"]
+    """n^2 times what leaves the paint of each polynomial: `enters` for light from everywhere."""
+    table: AirTable | None
+    """`enters` at cosines in air, and the loss of single facets in the last column; None for a smooth surface."""
+    constant: float
+    """C = int k dm, over both sides; 0 for a smooth surface."""
+
+    def enters(self, cosine: Any) -> Any:
+        """What enters the paint of a beam of one at cosines in air (...), on each polynomial: (..., n)."""
+        if self.table is not None:
+            return self.table.at(cosine)[..., :-1]
+        passing = 1.0 - dielectric_reflectance(cosine, self.index)
+        return passing[..., None] * self.basis.values(cos_refracted(cosine, self.index))
+
+
+@functools.lru_cache(maxsize=64)
+def operators(index: float, roughness: float, size: Size) -> Operators:
+    """The surface of one index and roughness."""
+    nodes = basis(index, size)
+    if roughness == 0.0:
+        fine = fine_half_range(index, _CROWDING)
+        phi, fluxes = nodes.values(fine.cosines), 2.0 * fine.cosines * fine.weights
+        back = phi.T @ (phi * (fluxes * fine.reflectance)[:, None])
+        return Operators(index, nodes, back, index**2 * (phi.T @ fluxes - back.sum(axis=0)), None, 0.0)
+    single = _single_back(index, roughness, nodes)
+    turn = turning_point(index, roughness)
+    outside, fluxes = air_rule(turn, size.incidence)
+    entering, lost = _single_entering(index, roughness, nodes, outside)
+    whole = _integrals(nodes)
+    missing = whole - single.sum(axis=0) - fluxes @ entering / index**2
+    constant = float(fluxes @ lost + index**2 * missing.sum())
+    share = index**2 / max(constant, 1e-300)
+    back = single + share * missing[:, None] * missing
+    enters = entering + share * lost[:, None] * missing
+    leaves = index**2 * (whole - back.sum(axis=0))
+    return Operators(index, nodes, back, leaves, AirTable(turn, np.column_stack([enters, lost])), constant)
+
+
+def turning_point(index: float, roughness: float) -> float:
+    """Cosine in air about which facets begin to hide each other."""
+    return min(max(roughness, 1e-3), 0.5)
+
+
+def air_rule(turn: float, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Cosines in air, and the fluxes 2 c dc about them."""
+    y, weights = gauss(count)
+    span = np.arcsinh(1.0 / turn)
+    cosines = turn * np.sinh(span * y)
+    return cosines, weights * 2.0 * cosines * turn * span * np.cosh(span * y)
+
+
+def _integrals(nodes: Basis) -> np.ndarray:
+    """int phi_j 2 mu dmu."""
+    return 2.0 * nodes.weights * nodes.cosines
+
+
+def _single_entering(
+    index: float, roughness: float, nodes: Basis, outside: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """`enters` of single facets, (beams, n), and what they lose, (beams,)."""
+    entering, lost = [], []
+    for some in _in_pieces(outside):
+        found = scatter(some, roughness, index, nodes.size.facets, inside=False)
+        entering.append(
+            np.einsum("bf,bfn->bn", found.refracted_share, nodes.values(np.clip(found.refracted, 0.0, 1.0)))
+        )
+        lost.append(1.0 - found.reflected_share.sum(axis=1) - found.refracted_share.sum(axis=1))
+    return np.concatenate(entering), np.concatenate(lost)
+
+
+def _single_back(index: float, roughness: float, nodes: Basis) -> np.ndarray:
+    """`back` of single facets, symmetric."""
+    beams, fluxes = _beams_inside(index, nodes)
+    back = np.zeros((nodes.cosines.size,) * 2)
+    for some, flux in zip(_in_pieces(beams), _in_pieces(fluxes), strict=True):
+        found = scatter(some, roughness, index, nodes.size.facets, inside=True)
+        to = np.einsum("bf,bfn->bn", found.reflected_share, nodes.values(np.clip(found.reflected, 0.0, 1.0)))
+        back += to.T @ (nodes.values(some) * flux[:, None])
+    return 0.5 * (back + back.T)
+
+
+def _beams_inside(index: float, nodes: Basis) -> tuple[np.ndarray, np.ndarray]:
+    """Cosines in the paint, and the fluxes 2 mu dmu about them: a rule on each side of the split."""
+    y, weights = gauss(nodes.size.beams)
+    # Crowded at both ends: at grazing, and on both sides of the critical angle.
+    x, x_weights = y * y * (3.0 - 2.0 * y), weights * 6.0 * y * (1.0 - y)
+    split = nodes.split
+    cosines = np.concatenate([split * x, split + (1.0 - split) * x])
+    return cosines, 2.0 * cosines * np.concatenate([split * x_weights, (1.0 - split) * x_weights])
+
+
+def _in_pieces(array: np.ndarray) -> list[np.ndarray]:
+    return np.array_split(array, -(-len(array) // _BEAMS))

@@ -1,0 +1,179 @@
+"""The two reflectances of paint under a rough surface: checks, batches, one surface for each index."""
+
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..common.inputs import BatchOfStacks, Numbers, batch_of_stacks, check_tolerance, concrete
+from ..stack import stack_hemispherical_reflectance, stack_reflectance_factor
+from .body import Lit, Surface, reflectance
+from .resolution import check_surface, resolve
+
+
+def rough_reflectance_factor(
+    albedo: Numbers,
+    optical_thickness: Numbers,
+    substrate_reflectance: Numbers,
+    *,
+    roughness: float,
+    refractive_index: Numbers = 1.5,
+    cos_incidence: Numbers = 1.0,
+    cos_viewing: Numbers = 1.0,
+    tolerance: float = 1e-4,
+) -> Float[Array, "*batch"]:
+    """Reflectance factor pi L_out / E_in of layers of paint under a rough surface, the body alone.
+
+    As `glazejax.stack_reflectance_factor`, whose value it is at a roughness of zero, but the surface is one of GGX
+    facets: light is let in, reflected inside and let out in all directions that they turn it to. What the surface
+    itself reflects is not in it (`surface_reflectance_factor`). The result does not depend on azimuth, for the first
+    scattering forgets it, and is the same with incidence and viewing exchanged.
+
+    Args:
+        albedo: single-scattering albedo of each layer, top first, (..., layers), in [0, 1].
+        optical_thickness: of each layer, (..., layers), >= 0.
+        substrate_reflectance: of the Lambertian ground inside the medium, (...), in [0, 1].
+        roughness: alpha of the GGX distribution, a Python number in [0, 1]: that of Mitsuba's `roughdielectric`, the
+            square of OpenPBR's and Disney's roughness.
+        refractive_index: of all layers, (...), known numbers in [1.02, 2.5], or down to 1 if the surface is smooth.
+        cos_incidence, cos_viewing: cosines in air, (...), in (0, 1].
+        tolerance: absolute error wanted, a Python number; 1e-5 is the least. See Notes.
+
+    Returns:
+        Reflectance factor, shape of the broadcast batch.
+
+    Raises:
+        ValueError: as `stack_reflectance_factor`; and a roughness out of range, or a roughness or an index that is
+            traced: the surface's operators are made once for each pair of them.
+
+    Source: `glazejax.radiative.rough.facets`, `operators` and `body`.
+    """
+    if check_surface(roughness, refractive_index) == 0.0:
+        return stack_reflectance_factor(
+            albedo,
+            optical_thickness,
+            substrate_reflectance,
+            refractive_index=refractive_index,
+            cos_incidence=cos_incidence,
+            cos_viewing=cos_viewing,
+            tolerance=tolerance,
+        )
+    given = {
+        "albedo": albedo,
+        "optical_thickness": optical_thickness,
+        "substrate_reflectance": substrate_reflectance,
+        "cos_incidence": cos_incidence,
+        "cos_viewing": cos_viewing,
+    }
+    return evaluate(given, roughness, refractive_index, tolerance)
+
+
+def rough_hemispherical_reflectance(
+    albedo: Numbers,
+    optical_thickness: Numbers,
+    substrate_reflectance: Numbers,
+    *,
+    roughness: float,
+    refractive_index: Numbers = 1.5,
+    cos_incidence: Numbers = 1.0,
+    tolerance: float = 1e-4,
+) -> Float[Array, "*batch"]:
+    """Directional-hemispherical reflectance of layers of paint under a rough surface, the body alone.
+
+    Flux that leaves over flux of the beam, without what the surface itself reflects (`surface_albedo`). With an albedo
+    and a ground of one the two add up to one.
+
+    Args, raises and notes as for `rough_reflectance_factor`; there is no viewing direction.
+
+    Returns:
+        Reflectance, shape of the broadcast batch.
+
+    Source: as `rough_reflectance_factor`.
+    """
+    if check_surface(roughness, refractive_index) == 0.0:
+        return stack_hemispherical_reflectance(
+            albedo,
+            optical_thickness,
+            substrate_reflectance,
+            refractive_index=refractive_index,
+            cos_incidence=cos_incidence,
+            tolerance=tolerance,
+        )
+    given = {
+        "albedo": albedo,
+        "optical_thickness": optical_thickness,
+        "substrate_reflectance": substrate_reflectance,
+        "cos_incidence": cos_incidence,
+    }
+    return evaluate(given, roughness, refractive_index, tolerance)
+
+
+def evaluate(given: dict[str, Any], roughness: float, refractive_index: Numbers, tolerance: float) -> Array:
+    """Reflectance of checked arguments; without a viewing direction the hemispherical one."""
+
+    def one(stacks: BatchOfStacks, surface: Surface) -> Array:
+        flat = stacks.flat()
+        lit = lit_stacks(flat, surface)
+        return _run(lit, surface).reshape(stacks.batch)
+
+    return by_index(given, roughness, refractive_index, tolerance, one)
+
+
+def by_index(
+    given: dict[str, Any],
+    roughness: float,
+    refractive_index: Numbers,
+    tolerance: float,
+    one: Callable[[BatchOfStacks, Surface], Any],
+) -> Any:
+    """What ``one`` makes of a batch of stacks under one surface; index by index where there are several.
+
+    Args:
+        given: arguments by name, as `batch_of_stacks` takes them.
+        one: from stacks, and their surface, to a pytree of arrays in the shape of their batch.
+    """
+    check_tolerance(tolerance)
+    known = concrete(refractive_index)
+    assert known is not None  # check_surface has refused one that is traced
+    stacks = batch_of_stacks({**given, "refractive_index": np.asarray(known, float)})
+    kinds = np.unique(known)
+    arrays = {name: array for name, array in stacks.arrays.items() if name != "refractive_index"}
+    stacks = stacks._replace(arrays=arrays)
+    if kinds.size <= 1:
+        index = float(kinds[0]) if kinds.size else 1.5
+        return one(stacks, resolve(index, roughness, tolerance))
+    # All stacks, those of other indices too: few indices are expected, and shapes stay as they are.
+    spread = np.broadcast_to(known, stacks.batch)
+    answers = [one(stacks, resolve(float(index), roughness, tolerance)) for index in kinds]
+    total = answers[0]
+    for index, answer in zip(kinds[1:], answers[1:], strict=True):
+        total = jax.tree.map(lambda new, old, here=spread == index: jnp.where(here, new, old), answer, total)
+    return total
+
+
+def lit_stacks(flat: dict[str, Any], surface: Surface) -> Lit:
+    """A flat batch with what enters of light and view; of the view everything where there is no direction."""
+    made = surface.operators()
+    dtype = jnp.result_type(float)
+    light = made.enters(jnp.asarray(flat["cos_incidence"], dtype))
+    if "cos_viewing" in flat:
+        view = made.enters(jnp.asarray(flat["cos_viewing"], dtype))
+    else:
+        view = jnp.broadcast_to(jnp.asarray(made.leaves, dtype), light.shape)
+    return Lit(
+        jnp.asarray(flat["albedo"], dtype),
+        jnp.asarray(flat["optical_thickness"], dtype),
+        jnp.asarray(flat["substrate_reflectance"], dtype),
+        jnp.stack([light, view], axis=1),
+        jnp.zeros((light.shape[0], 2), dtype),
+    )
+
+
+def _run(lit: Lit, surface: Surface) -> Array:
+    return _compiled(lit, surface) / surface.index**2
+
+
+_compiled = jax.jit(reflectance, static_argnums=1)

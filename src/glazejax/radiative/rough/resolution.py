@@ -1,0 +1,65 @@
+"""From the accuracy asked for to the number of nodes of a rough surface; what surfaces there are."""
+
+import warnings
+from typing import Any
+
+import numpy as np
+
+from ..common.inputs import INDEX_RANGE, Numbers, concrete, plain_number
+from .basis import Size
+from .body import Surface
+
+LEAST_INDEX = 1.02
+"""Below it a rough surface has no critical angle to speak of; the model's losses are no longer those of a surface."""
+FINEST = 1e-5
+"""Smallest tolerance that is met."""
+
+_SIZES = (
+    (1e-2, Size(4, 5, 2.5, 24, 20, (24, 32))),
+    (1e-3, Size(5, 6, 2.5, 28, 28, (32, 40))),
+    (1e-4, Size(7, 8, 2.5, 32, 40, (56, 64))),
+    (1e-5, Size(9, 12, 2.5, 40, 56, (96, 112))),
+)
+
+
+def check_surface(roughness: Any, refractive_index: Numbers) -> float:
+    """The roughness as a number, once it and the index are known to be those of a surface.
+
+    Raises:
+        ValueError: either is traced or out of range.
+    """
+    number = plain_number(roughness)
+    if number is None:
+        known = concrete(roughness)
+        if known is None or known.ndim:
+            raise ValueError(
+                "roughness must be one known number: under jit or vmap pass it as a static argument, and call "
+                "once for each roughness"
+            )
+        number = float(known)
+    if not 0.0 <= number <= 1.0:
+        raise ValueError(f"roughness is {number}; it must be in [0, 1], the alpha of GGX")
+    if number > 0.0:
+        index = concrete(refractive_index)
+        if index is None:
+            raise ValueError(
+                "refractive_index is traced, but a rough surface needs known numbers: under jit or vmap pass it as a "
+                "static argument"
+            )
+        low, high = LEAST_INDEX, INDEX_RANGE[1]
+        wrong = np.asarray(index)[~((index >= low) & (index <= high))]
+        if wrong.size:
+            raise ValueError(
+                f"refractive_index holds {wrong.flat[0]}; under a rough surface it must be in [{low:g}, {high:g}]"
+            )
+    return number
+
+
+def resolve(index: float, roughness: float, tolerance: float) -> Surface:
+    """The surface, resolved so that the error stays below the tolerance."""
+    if tolerance < FINEST * (1 - 1e-9):
+        warnings.warn(
+            f"tolerance is {tolerance:g}, but {FINEST:g} is the least there is under a rough surface", stacklevel=5
+        )
+    size = next((size for least, size in _SIZES if least <= tolerance * (1 + 1e-9)), _SIZES[-1][1])
+    return Surface(index, float(roughness), size)

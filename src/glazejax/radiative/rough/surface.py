@@ -1,0 +1,173 @@
+r"""What a rough dielectric surface reflects itself, with what its facets hide from each other.
+
+Single facets: B. Walter, S. Marschner, H. Li, K. Torrance, EGSR 2007, with GGX, Smith's separable masking and Fresnel's
+exact reflectance, as Mitsuba's `roughdielectric`. Of light from x they lose k(x). What really becomes of it, after
+several facets, is modelled by a reciprocal term without azimuth that keeps all energy,
+
+    f_r = f_single + k(i) k(o)/C,      C = int k dm  over both sides,  dm = cos dw in air, n^2 cos dw in the paint
+
+(after C. Kulla, A. Conty, SIGGRAPH course 2017). Light that is lost in air also enters the paint so, and the reverse.
+"""
+
+import functools
+from collections.abc import Callable
+from typing import Any, Literal
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..common.fresnel import dielectric_reflectance
+from ..common.inputs import Numbers, check_choice, check_values, concrete
+from ..common.quadrature import gauss
+from .basis import lagrange
+from .facets import scatter
+from .resolution import check_surface, resolve
+
+Side = Literal["air", "paint"]
+"""Where a direction is."""
+
+# What the functions of a surface alone are computed to.
+_TOLERANCE = 1e-5
+_PAINT_NODES = 40
+
+
+def surface_reflectance_factor(
+    cos_incidence: Numbers,
+    cos_viewing: Numbers,
+    azimuth: Numbers = 0.0,
+    *,
+    roughness: float,
+    refractive_index: Numbers = 1.5,
+) -> Float[Array, "*batch"]:
+    """Reflectance factor pi f_r of a rough surface alone, of light that never entered the paint.
+
+    Args:
+        cos_incidence, cos_viewing: cosines in air, (...), in (0, 1].
+        azimuth: degrees between the horizontal directions of the light before and after, (...): 0 is the side of the
+            mirror direction, 180 back towards the light, as in `glazejax.Bidirectional`.
+        roughness: alpha of the GGX distribution, a number in (0, 1].
+        refractive_index: known numbers, (...), in [1.02, 2.5].
+
+    Returns:
+        pi f_r, shape of the broadcast batch, with the compensation for what single facets lose.
+
+    Raises:
+        ValueError: a value out of range, or a smooth surface: its reflection is a mirror's, and no number.
+    """
+    if check_surface(roughness, refractive_index) == 0.0:
+        raise ValueError(
+            "roughness is 0: a smooth surface reflects in the mirror direction only, and has no reflectance factor; "
+            "surface_albedo says how much"
+        )
+    check_values({"cos_incidence": cos_incidence, "cos_viewing": cos_viewing})
+    a = float(roughness)
+
+    def one(index: float, c_in: Array, c_out: Array, degrees: Array) -> Array:
+        sines = jnp.sqrt((1.0 - c_in) * (1.0 + c_in) * (1.0 - c_out) * (1.0 + c_out))
+        # |i + o|^2 of unit vectors; at azimuth 0 the horizontal parts are against each other.
+        cosine = c_in * c_out - sines * jnp.cos(jnp.deg2rad(degrees))
+        squared = jnp.maximum(2.0 + 2.0 * cosine, 1e-30)
+        up2 = (c_in + c_out) ** 2 / squared
+        met = 0.5 * jnp.sqrt(squared)
+        density = a**2 / (up2 * a**2 + jnp.maximum(1.0 - up2, 0.0)) ** 2  # pi D
+        hidden = _masking_over_cosine(c_in, a) * _masking_over_cosine(c_out, a)
+        single = 0.25 * dielectric_reflectance(jnp.minimum(met, 1.0), index) * density * hidden
+        made = resolve(index, a, _TOLERANCE).operators()
+        assert made.table is not None
+        return single + made.table.at(c_in)[..., -1] * made.table.at(c_out)[..., -1] / made.constant
+
+    return _by_index(one, refractive_index, cos_incidence, cos_viewing, azimuth)
+
+
+def surface_albedo(
+    cos_incidence: Numbers, *, roughness: float, refractive_index: Numbers = 1.5
+) -> Float[Array, "*batch"]:
+    """Directional-hemispherical reflectance of the surface alone; of a smooth one Fresnel's.
+
+    What is not reflected enters the paint: `rough_hemispherical_reflectance` over it adds up to one with this.
+
+    Args, raises as for `surface_reflectance_factor`.
+    """
+    rough = check_surface(roughness, refractive_index) > 0.0
+    check_values({"cos_incidence": cos_incidence, "refractive_index": refractive_index})
+
+    def one(index: float, cosine: Array) -> Array:
+        if not rough:
+            return dielectric_reflectance(cosine, index)
+        return 1.0 - jnp.sum(resolve(index, float(roughness), _TOLERANCE).operators().enters(cosine), axis=-1)
+
+    return _by_index(one, refractive_index, cos_incidence)
+
+
+def surface_loss(
+    cosine: Numbers, *, roughness: float, refractive_index: Numbers = 1.5, side: Side = "air"
+) -> Float[Array, "*batch"]:
+    """Share k of light that single facets lose, which the compensation spreads.
+
+    Args:
+        cosine: in air or in the paint, (...), in (0, 1].
+        roughness: alpha, a number in [0, 1]; without roughness nothing is lost.
+        refractive_index: known numbers, (...).
+        side: "air" or "paint", where the light comes from.
+    """
+    rough = check_surface(roughness, refractive_index) > 0.0
+    check_choice("side", side, Side)
+    check_values({"cos_incidence": cosine})
+
+    def one(index: float, cosine: Array) -> Array:
+        if not rough:
+            return jnp.zeros_like(cosine)
+        if side == "air":
+            made = resolve(index, float(roughness), _TOLERANCE).operators()
+            assert made.table is not None
+            return made.table.at(cosine)[..., -1]
+        split = float(np.sqrt((index - 1.0) * (index + 1.0)) / index)
+        below, above = (jnp.asarray(part, cosine.dtype) for part in _paint_losses(index, float(roughness)))
+        low = lagrange(jnp.clip(cosine / split, 0.0, 1.0), _PAINT_NODES)
+        high = lagrange(jnp.clip((cosine - split) / (1.0 - split), 0.0, 1.0), _PAINT_NODES)
+        return jnp.where(cosine < split, low @ below, high @ above)
+
+    return _by_index(one, refractive_index, cosine)
+
+
+def loss_constant(*, roughness: float, refractive_index: float = 1.5) -> float:
+    """C = int k dm over both sides, in the units of a BRDF: f_r of the compensation is k(i) k(o)/C.
+
+    Args:
+        roughness: alpha, a number in [0, 1]; 0 gives 0.
+        refractive_index: a number in [1.02, 2.5].
+    """
+    if check_surface(roughness, refractive_index) == 0.0:
+        return 0.0
+    return np.pi * resolve(float(refractive_index), float(roughness), _TOLERANCE).operators().constant
+
+
+def _masking_over_cosine(cosine: Array, roughness: float) -> Array:
+    """G1/c, finite where light grazes."""
+    return 2.0 / (cosine + jnp.sqrt(cosine**2 + roughness**2 * (1.0 - cosine) * (1.0 + cosine)))
+
+
+@functools.lru_cache(maxsize=64)
+def _paint_losses(index: float, roughness: float) -> tuple[np.ndarray, np.ndarray]:
+    """k inside the paint on Gauss' nodes below and above the critical angle."""
+    nodes = gauss(_PAINT_NODES)[0]
+    split = float(np.sqrt((index - 1.0) * (index + 1.0)) / index)
+    facets = resolve(index, roughness, _TOLERANCE).size.facets
+    losses = []
+    for some in (split * nodes, split + (1.0 - split) * nodes):
+        found = scatter(some, roughness, index, facets, inside=True)
+        losses.append(1.0 - found.reflected_share.sum(axis=1) - found.refracted_share.sum(axis=1))
+    return losses[0], losses[1]
+
+
+def _by_index(one: Callable[..., Array], refractive_index: Numbers, *arrays: Numbers) -> Array:
+    """``one(index, *arrays)``, index by index where there are several."""
+    dtype = jnp.result_type(float)
+    known = np.asarray(concrete(refractive_index), float)
+    given: list[Any] = [jnp.asarray(a, dtype) for a in arrays]
+    given = list(jnp.broadcast_arrays(*given, jnp.zeros(known.shape, dtype)))[:-1]
+    answer = jnp.zeros_like(given[0])
+    for index in np.unique(known):
+        answer = jnp.where(known == index, one(float(index), *given), answer)
+    return answer

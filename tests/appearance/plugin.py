@@ -1,0 +1,58 @@
+"""What the tests of Mitsuba's plugin share: variants, glazes, and the reflectance factor that the plugin gives."""
+
+import functools
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+WAVELENGTHS = np.arange(400.0, 701.0, 10.0)
+BLUE = "UltramarineBlue:3um, ZincWhite:20um"
+
+
+@functools.cache
+def llvm() -> bool:
+    """Whether LLVM works here, asked of a process of its own: an LLVM that does not fit ends the process."""
+    code = "import mitsuba as mi; mi.set_variant('llvm_ad_spectral'); assert mi.Float([1, 2])[1] == 2"
+    return subprocess.run([sys.executable, "-c", code], capture_output=True, timeout=120, check=False).returncode == 0
+
+
+def mitsuba_in(variant: str):
+    """Mitsuba with a variant set, and the glaze known to it."""
+    mi = pytest.importorskip("mitsuba")
+    if variant.startswith("llvm") and not llvm():
+        pytest.skip("Dr.Jit finds no LLVM that works here")
+    mi.set_variant(variant)
+    from glazejax.appearance.mitsuba import register
+
+    register()
+    return mi
+
+
+def interaction(mi, cosine: float, azimuth: float = 0.0, wavelengths=(450.0, 500.0, 550.0, 600.0), uv=(0.5, 0.5)):
+    """A point seen from a direction, at four wavelengths."""
+    import drjit as dr
+
+    si = dr.zeros(mi.SurfaceInteraction3f)
+    si.wi = direction(mi, cosine, azimuth)
+    si.uv = mi.Point2f(*map(float, uv))
+    si.wavelengths = mi.UnpolarizedSpectrum([float(w) for w in wavelengths])
+    return si
+
+
+def direction(mi, cosine: float, azimuth: float = 0.0):
+    """A unit vector."""
+    sine = np.sqrt(1 - cosine**2)
+    return mi.Vector3f(float(sine * np.cos(azimuth)), float(sine * np.sin(azimuth)), float(cosine))
+
+
+def factor(mi, bsdf, cos_in: float, cos_out: float, wavelengths=WAVELENGTHS, uv=(0.5, 0.5), azimuth=1.0):
+    """pi times the BSDF at the wavelengths."""
+    found = []
+    for some in np.array_split(wavelengths, -(-len(wavelengths) // 4)):
+        padded = np.resize(some, 4)
+        si = interaction(mi, cos_in, 0.0, padded, uv)
+        value = np.array(bsdf.eval(mi.BSDFContext(), si, direction(mi, cos_out, azimuth))).ravel()
+        found.append(np.pi * value[: some.size] / cos_out)
+    return np.concatenate(found)

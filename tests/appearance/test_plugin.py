@@ -1,0 +1,300 @@
+"""The BSDF of Mitsuba 3 in its scalar variant: the solver's reflectance, textures, and what is refused."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import glazejax as gj
+from glazejax.appearance.mitsuba.bsdf import _table
+from glazejax.radiative.common.fresnel import dielectric_reflectance
+
+from .plugin import BLUE, WAVELENGTHS, direction, factor, interaction, mitsuba_in
+
+PAIRS = [(1.0, 1.0), (0.9, 0.2), (0.5, 0.7), (0.05, 0.95), (0.1, 0.1), (0.02, 0.3)]
+
+
+@pytest.fixture(scope="module")
+def mitsuba():
+    return mitsuba_in("scalar_spectral")
+
+
+@pytest.fixture(scope="module")
+def paints():
+    return gj.catalogue.load()
+
+
+def exact(glaze, cos_in, cos_out):
+    stack = glaze.albedo, glaze.optical_thickness, glaze.substrate
+    given = {"refractive_index": glaze.refractive_index, "cos_incidence": cos_in, "cos_viewing": cos_out}
+    return np.asarray(gj.stack_reflectance_factor(*stack, **given))
+
+
+def bitmap(mi, values):
+    values = np.asarray(values, np.float32)
+    values = values[..., None] if values.ndim == 2 else values
+    texture = {"type": "bitmap", "bitmap": mi.Bitmap(values), "raw": True}
+    return texture | {"wrap_mode": "clamp", "filter_type": "nearest"}
+
+
+@pytest.mark.parametrize(("ground", "index"), [(0.8, 1.5), (0.1, 1.3), (np.linspace(0.2, 0.9, 31), 1.7)])
+def test_eval_is_the_solvers_reflectance(mitsuba, paints, ground, index):
+    from glazejax.appearance.mitsuba import glaze_bsdf
+
+    layers = [gj.Layer(paints["UltramarineBlue"], 3e-6), gj.Layer(paints["ZincWhite"], 20e-6)]
+    glaze = gj.Glaze(layers, ground, index)
+    bsdf = mitsuba.load_dict(glaze_bsdf(glaze))
+    assert 0 < bsdf.table.error < 1e-3
+    for pair in PAIRS:
+        np.testing.assert_allclose(factor(mitsuba, bsdf, *pair), exact(glaze, *pair), rtol=0, atol=bsdf.table.error)
+
+
+def test_it_is_what_glazejax_reflectance_says(mitsuba, paints):
+    from glazejax.appearance.mitsuba import glaze_bsdf
+
+    glaze = gj.Glaze([gj.Layer(paints["Eosin"], 2e-6)], 0.9)
+    bsdf = mitsuba.load_dict(glaze_bsdf(glaze, tolerance=1e-4))
+    assert bsdf.table.error < 1e-4
+    for incidence, viewing in [(45.0, 0.0), (8.0, 60.0)]:
+        told = np.asarray(gj.reflectance(glaze, gj.Bidirectional(incidence, viewing)))
+        cosines = np.cos(np.deg2rad([incidence, viewing]))
+        np.testing.assert_allclose(factor(mitsuba, bsdf, *cosines), told, rtol=0, atol=1e-4)
+
+
+def test_textures_of_thickness_fraction_and_ground(mitsuba, paints):
+    from glazejax.appearance.mitsuba import glaze_bsdf
+
+    mixture = gj.Mixture([paints["UltramarineBlue"], paints["Eosin"]], [0.5, 0.5])
+    glaze = gj.Glaze([gj.Layer(mixture, 2e-6), gj.Layer(paints["ZincWhite"], 10e-6)], 0.8)
+    # Maps of different sizes: each is a texture of its own.
+    thickness, share, ground = (
+        np.array([[0.0, 1e-6], [2e-6, 3e-6]]),
+        np.array([[0.0, 0.3, 1.0]]),
+        np.array([[0.1], [0.9]]),
+    )
+    made = glaze_bsdf(glaze, thickness=thickness, fraction=share, ground=ground)
+    for name in ("thickness", "fraction", "ground"):
+        made[name]["filter_type"] = "nearest"
+    bsdf = mitsuba.load_dict(made)
+    assert bsdf.table.error < 1e-3
+    for u, v in [(0.1, 0.2), (0.9, 0.2), (0.45, 0.8), (0.9, 0.9)]:
+        one = gj.Mixture(mixture.pigments, [1 - share[0, int(3 * u)], share[0, int(3 * u)]])
+        layers = [gj.Layer(one, thickness[int(2 * v), int(2 * u)]), glaze.layers[1]]
+        there = gj.Glaze(layers, ground[int(2 * v), 0])
+        for pair in PAIRS[:4]:
+            found = factor(mitsuba, bsdf, *pair, uv=(u, v))
+            np.testing.assert_allclose(found, exact(there, *pair), rtol=0, atol=bsdf.table.error)
+
+
+def test_a_ground_with_a_spectrum_at_each_place(mitsuba, paints):
+    from glazejax.appearance.mitsuba import glaze_bsdf
+
+    ground = np.random.default_rng(0).uniform(0, 1, (2, 3, 31))
+    glaze = gj.Glaze([gj.Layer(paints["UltramarineBlue"], 1e-6)], 0.5)
+    bsdf = mitsuba.load_dict(glaze_bsdf(glaze, ground=ground))
+    for row, column in [(0, 0), (1, 2)]:
+        there = gj.Glaze(glaze.layers, ground[row, column])
+        found = factor(mitsuba, bsdf, 0.6, 0.8, uv=((column + 0.5) / 3, (row + 0.5) / 2))
+        np.testing.assert_allclose(found, exact(there, 0.6, 0.8), rtol=0, atol=bsdf.table.error)
+
+
+def test_numbers_count_for_the_coat_that_is_named(mitsuba, paints):
+    made = {"type": "glaze", "coats": "Eosin:1um, 0.5*ZincWhite+0.5*UltramarineBlue:9um", "layer": 1}
+    bsdf = mitsuba.load_dict(made | {"thickness": 4e-6, "fraction": 0.25, "ground": 0.6, "refractive_index": 1.4})
+    mixture = gj.Mixture([paints["ZincWhite"], paints["UltramarineBlue"]], [0.75, 0.25])
+    glaze = gj.Glaze([gj.Layer(paints["Eosin"], 1e-6), gj.Layer(mixture, 4e-6)], 0.6, 1.4)
+    np.testing.assert_allclose(factor(mitsuba, bsdf, 0.5, 0.9), exact(glaze, 0.5, 0.9), rtol=0, atol=bsdf.table.error)
+
+
+def test_a_file_of_the_studio(mitsuba, tmp_path, paints):
+    path = tmp_path / "s.json"
+    coats = [{"paint": {"CobaltBlue": 1}, "um": 2}]
+    path.write_text(json.dumps({"glazejax": "stack", "version": 1, "coats": coats, "ground": 0.7}))
+    glaze = gj.Glaze([gj.Layer(paints["CobaltBlue"], 2e-6)], 0.7)
+    bsdf = mitsuba.load_dict({"type": "glaze", "coats": str(path)})
+    np.testing.assert_allclose(factor(mitsuba, bsdf, 0.5, 0.9), exact(glaze, 0.5, 0.9), rtol=0, atol=1e-3)
+    # The same name, another glaze.
+    path.write_text(json.dumps({"glazejax": "stack", "version": 1, "coats": coats, "ground": 0.1}))
+    dark = mitsuba.load_dict({"type": "glaze", "coats": str(path)})
+    assert factor(mitsuba, dark, 0.5, 0.9).mean() < 0.8 * factor(mitsuba, bsdf, 0.5, 0.9).mean()
+
+
+def test_reciprocity(mitsuba):
+    bsdf = mitsuba.load_dict({"type": "glaze", "coats": BLUE})
+    for one, two in PAIRS:
+        there, back = factor(mitsuba, bsdf, one, two), factor(mitsuba, bsdf, two, one)
+        np.testing.assert_allclose(there, back, rtol=2e-6)
+
+
+def test_wavelengths_beyond_the_paints_are_those_of_the_ends(mitsuba):
+    bsdf = mitsuba.load_dict({"type": "glaze", "coats": BLUE})
+    ends = factor(mitsuba, bsdf, 0.5, 0.7, np.array([360.0, 400.0, 700.0, 830.0]))
+    np.testing.assert_allclose(ends[[0, 3]], ends[[1, 2]])
+    between = factor(mitsuba, bsdf, 0.5, 0.7, np.array([500.0, 503.0, 510.0]))
+    np.testing.assert_allclose(between[1], between[0] + 0.3 * (between[2] - between[0]), rtol=1e-4)
+
+
+def test_light_from_behind_meets_black(mitsuba):
+    bsdf = mitsuba.load_dict({"type": "glaze", "coats": BLUE})
+    context, up, down = mitsuba.BSDFContext(), interaction(mitsuba, 0.5), interaction(mitsuba, -0.5)
+    assert np.all(np.array(bsdf.eval(context, down, direction(mitsuba, 0.5))) == 0)
+    assert np.all(np.array(bsdf.eval(context, up, direction(mitsuba, -0.5))) == 0)
+    assert bsdf.pdf(context, down, direction(mitsuba, 0.5)) == 0
+    assert np.all(np.array(bsdf.sample(context, down, 0.5, [0.3, 0.3])[1]) == 0)
+    both = mitsuba.load_dict({"type": "twosided", "bsdf": {"type": "glaze", "coats": BLUE}})
+    assert np.all(np.array(both.eval(context, down, direction(mitsuba, -0.5))) > 0)
+
+
+def test_the_mirror_and_the_body_are_drawn_by_their_albedos(mitsuba):
+    bsdf = mitsuba.load_dict({"type": "glaze", "coats": BLUE})
+    flags = mitsuba.BSDFFlags
+    assert bsdf.component_count() == 2
+    assert mitsuba.has_flag(bsdf.flags(0), flags.DeltaReflection)
+    for cosine in (0.9, 0.2):
+        si = interaction(mitsuba, cosine)
+        mirror, weight = bsdf.sample(mitsuba.BSDFContext(), si, 0.0, [0.3, 0.7])
+        np.testing.assert_allclose(np.array(mirror.wo), np.array(si.wi) * [-1, -1, 1], atol=1e-6)
+        assert mitsuba.has_flag(mirror.sampled_type, flags.DeltaReflection)
+        fresnel = float(dielectric_reflectance(cosine, 1.5))
+        np.testing.assert_allclose(np.array(weight) * mirror.pdf, fresnel, rtol=1e-5)
+        assert mirror.pdf == pytest.approx(fresnel / (fresnel + albedo(mitsuba, bsdf, cosine)), rel=0.02)
+        body, weight = bsdf.sample(mitsuba.BSDFContext(), si, 0.999, [0.3, 0.7])
+        assert mitsuba.has_flag(body.sampled_type, flags.DiffuseReflection)
+        value = np.array(bsdf.eval(mitsuba.BSDFContext(), si, body.wo))
+        np.testing.assert_allclose(np.array(weight), value / body.pdf, rtol=1e-5)
+    matt = mitsuba.load_dict({"type": "glaze", "coats": BLUE, "gloss": False})
+    assert matt.component_count() == 1
+
+
+def albedo(mi, bsdf, cosine):
+    """Of the body, mean of the bands, by quadrature."""
+    x, w = np.polynomial.legendre.leggauss(12)
+    nodes = 0.5 * (x + 1)
+    return sum(wk * n * factor(mi, bsdf, cosine, n).mean() for n, wk in zip(nodes, w, strict=True))
+
+
+def test_only_the_lobes_that_are_asked_for(mitsuba):
+    bsdf = mitsuba.load_dict({"type": "glaze", "coats": BLUE})
+    si, wo = interaction(mitsuba, 0.6), direction(mitsuba, 0.7, 2.0)
+    only = mitsuba.BSDFContext()
+    only.component = 0
+    assert np.all(np.array(bsdf.eval(only, si, wo)) == 0)
+    assert bsdf.sample(only, si, 0.99, [0.2, 0.2])[0].pdf == 1
+    only.component = 1
+    assert bsdf.pdf(only, si, wo) == pytest.approx(0.7 / np.pi, rel=1e-5)
+    only.component = 2
+    assert bsdf.sample(only, si, 0.5, [0.2, 0.2])[0].pdf == 0
+
+
+def test_the_fused_calls_say_the_same(mitsuba):
+    bsdf = mitsuba.load_dict({"type": "glaze", "coats": BLUE})
+    context, si, wo = mitsuba.BSDFContext(), interaction(mitsuba, 0.6), direction(mitsuba, 0.7, 2.0)
+    value, density = bsdf.eval_pdf(context, si, wo)
+    assert np.array_equal(np.array(value), np.array(bsdf.eval(context, si, wo)))
+    assert density == bsdf.pdf(context, si, wo)
+    fused = bsdf.eval_pdf_sample(context, si, wo, 0.7, [0.2, 0.4])
+    sampled = bsdf.sample(context, si, 0.7, [0.2, 0.4])
+    assert np.array_equal(np.array(fused[0]), np.array(value))
+    assert fused[1] == density
+    assert np.array_equal(np.array(fused[2].wo), np.array(sampled[0].wo))
+    assert np.array_equal(np.array(fused[3]), np.array(sampled[1]))
+
+
+def test_all_light_comes_back_where_nothing_absorbs(mitsuba):
+    white = {"wavelengths": [400, 500, 600, 700], "absorption": [0] * 4, "scattering": [1e5, 2e5, 3e4, 1e6]}
+    stack = {"glazejax": "stack", "version": 1, "coats": [{"paint": {"W": 1}, "um": 10}], "ground": 1.0}
+    bsdf = mitsuba.load_dict({"type": "glaze", "coats": json.dumps(stack | {"pigments": {"W": white}})})
+    for cosine in (1.0, 0.4, 0.1):
+        whole = albedo(mitsuba, bsdf, cosine) + float(dielectric_reflectance(cosine, 1.5))
+        assert whole == pytest.approx(1.0, abs=2e-3)
+
+
+def test_alike_glazes_share_a_table(mitsuba):
+    before = _table.cache_info().misses
+    one, two = (mitsuba.load_dict({"type": "glaze", "coats": BLUE, "gloss": gloss}) for gloss in (True, False))
+    assert one.table is two.table
+    assert _table.cache_info().misses <= before + 1
+
+
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        ({}, 'a glaze needs "coats"'),
+        ({"coats": "Nonsense:3um"}, "there is no pigment 'Nonsense': `glazejax render --list` shows all names"),
+        ({"coats": "ZincWhite"}, "has no thickness: write paint:thickness"),
+        ({"coats": "no/such.json"}, "no/such.json"),
+        ({"coats": BLUE, "thicknes": 2e-6}, "a glaze has no 'thicknes'; you may mean 'thickness'"),
+        ({"coats": BLUE, "thickness": 20.0}, "thickness has the value 20; it must be 0 to 0.01 metres"),
+        ({"coats": BLUE, "thickness": [[1e-6, -1e-6]]}, "thickness has the value -1e-06"),
+        ({"coats": BLUE, "thickness": [[1e-6, np.nan]]}, "thickness has the value nan"),
+        ({"coats": BLUE, "thickness": [[4e-6]], "thickness_max": 3e-6}, "beyond the thickness_max of 3e-06 m"),
+        ({"coats": BLUE, "thickness": 1e-6, "layer": 2}, "layer is 2, but there are 2 coats, the top one is number 0"),
+        ({"coats": BLUE, "fraction": 0.5}, "the share of the second paint of coat 0, but that is UltramarineBlue"),
+        ({"coats": "0.5*Eosin+0.5*ZincWhite:2um", "fraction": [[1.5]]}, "fraction has the value 1.5"),
+        ({"coats": BLUE, "ground": [[-0.5]]}, "ground has the value -0.5"),
+        ({"coats": BLUE, "ground": "white"}, "ground is str; give a number or a texture"),
+        ({"coats": BLUE, "roughness": 2.0}, "roughness is 2.0; it must be a number between 0 and 1"),
+        ({"coats": BLUE, "tolerance": 0.0}, "tolerance is 0.0"),
+        ({"coats": BLUE, "gloss": 0.5}, "gloss is 0.5; it must be true or false"),
+    ],
+)
+def test_what_is_refused(mitsuba, given, sentence):
+    given = {name: bitmap(mitsuba, value) if isinstance(value, list) else value for name, value in given.items()}
+    with pytest.raises(RuntimeError) as told:
+        mitsuba.load_dict({"type": "glaze", **given})
+    assert sentence in str(told.value)
+
+
+def test_maps_that_are_refused(mitsuba, paints):
+    from glazejax.appearance.mitsuba import glaze_bsdf
+
+    glaze = gj.Glaze([gj.Layer(paints["Eosin"], 2e-6)], 0.8)
+    for given, sentence in [
+        ({"thickness": np.zeros(3)}, r"thickness is an array of shape \(3,\)"),
+        ({"thickness": np.zeros((3, 3, 1))}, r"thickness is an array of shape \(3, 3, 1\)"),
+        ({"thickness": np.full((2, 2), 20.0)}, "thickness has the value 20"),
+        ({"thickness": np.full((2, 2), 2e-6), "thickness_max": 1e-6}, "beyond the thickness_max of 1e-06 m"),
+        ({"fraction": np.full((2, 2), 0.5)}, "write it as a mixture of two paints"),
+        ({"ground": np.full(5, 0.5)}, "the ground has 5 bands, but the table has 31"),
+        ({"ground": np.full((2, 2, 31), 1.5)}, "ground has the value 1.5"),
+        ({"roughness": -0.1}, "roughness is -0.1"),
+    ]:
+        with pytest.raises(ValueError, match=sentence):
+            glaze_bsdf(glaze, **given)
+    with pytest.raises(RuntimeError, match="the ground has 5 bands, but the coats have 31"):
+        mitsuba.load_dict(glaze_bsdf(glaze, ground=np.full((2, 2, 5), 0.5)))
+    with pytest.raises(ValueError, match="wavelengths belong to a Glaze"):
+        glaze_bsdf(BLUE, wavelengths=WAVELENGTHS)
+    with pytest.raises(ValueError, match="a glaze without coats is its ground"):
+        glaze_bsdf(gj.Glaze([], 0.5))
+
+
+_VARIANTS = """
+import glazejax.appearance.mitsuba as plugin
+import mitsuba
+
+def told(call):
+    try:
+        call()
+    except (ValueError, RuntimeError) as error:
+        return str(error)
+
+assert "Mitsuba has no variant set: call mitsuba.set_variant with one of scalar_spectral, llvm_ad_spectral" in told(
+    plugin.register)
+mitsuba.set_variant("scalar_rgb")
+assert "the variant scalar_rgb has none: call mitsuba.set_variant with one of scalar_spectral" in told(plugin.register)
+mitsuba.set_variant("scalar_spectral")
+plugin.register()
+made = plugin.glaze_bsdf("Eosin:2um")
+mitsuba.set_variant("scalar_rgb")
+assert "the variant scalar_rgb has none" in told(lambda: mitsuba.load_dict(made))
+mitsuba.set_variant("scalar_spectral")
+assert "Eosin" in str(mitsuba.load_dict(made))
+"""
+
+
+def test_variants_without_spectra_are_refused(mitsuba):
+    done = subprocess.run([sys.executable, "-c", _VARIANTS], capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == 0, done.stderr

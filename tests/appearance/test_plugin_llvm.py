@@ -1,0 +1,160 @@
+"""The BSDF of Mitsuba 3 where Dr.Jit has LLVM: sampling by chi-square tests, energy, and derivatives."""
+
+import numpy as np
+import pytest
+
+import glazejax as gj
+
+from .plugin import BLUE, mitsuba_in
+
+# Coats and roughness; the last ones let the ground through.
+GLAZES = [
+    (BLUE, 0.0),
+    (BLUE, 0.1),
+    (BLUE, 0.5),
+    ("IvoryBlack:30um", 0.3),
+    ("ZincWhite:40um", 0.2),
+    ("Eosin:3um, ZincWhite:20um", 0.05),
+    ("0.6*ChromeYellow+0.4*CobaltBlue:8um", 0.8),
+    ("Eosin:1um, UltramarineBlue:1um, ChromeYellow:5um", 0.4),
+    ("CobaltBlue:0um", 1.0),
+    ("Eosin:200um", 0.0),
+]
+
+
+@pytest.fixture(scope="module")
+def mitsuba():
+    return mitsuba_in("llvm_ad_spectral")
+
+
+@pytest.mark.parametrize(("coats", "roughness"), GLAZES)
+def test_directions_are_drawn_as_the_density_says(mitsuba, coats, roughness):
+    from mitsuba.chi2 import BSDFAdapter, ChiSquareTest, SphericalDomain  # pyright: ignore[reportMissingImports]
+
+    mi = mitsuba
+    given = {"type": "glaze", "coats": coats, "roughness": roughness}
+    # A mirror has no density: there the body alone is drawn.
+    kind = mi.BSDFFlags.All if roughness else mi.BSDFFlags.DiffuseReflection
+    context = mi.BSDFContext(mi.TransportMode.Radiance, int(kind), 0xFFFFFFFF)
+    for angle in (0.2, 1.1):
+        wi = [float(np.sin(angle)), 0.0, float(np.cos(angle))]
+        sample, density = BSDFAdapter("glaze", given, wi=wi, ctx=context)
+        test = ChiSquareTest(
+            domain=SphericalDomain(), sample_func=sample, pdf_func=density, sample_dim=3, sample_count=200_000, res=61
+        )
+        assert test.run(significance_level=0.001), test.messages
+
+
+def many(mi, cosine, count, wavelength=500.0):
+    """`count` equal points, seen from one direction."""
+    import drjit as dr
+
+    si = dr.zeros(mi.SurfaceInteraction3f, count)
+    sine = float(np.sqrt(1 - cosine**2))
+    si.wi = mi.Vector3f(sine, 0.0, cosine)
+    si.uv = mi.Point2f(0.5, 0.5)
+    si.wavelengths = mi.UnpolarizedSpectrum(wavelength)
+    return si
+
+
+@pytest.mark.parametrize(("coats", "roughness"), [GLAZES[0], GLAZES[1], GLAZES[7]])
+def test_what_is_drawn_has_the_albedo(mitsuba, coats, roughness):
+    """Mean weight of sampling: body and surface, by the integral of eval over even directions for the body."""
+    mi, count = mitsuba, 400_000
+    bsdf = mi.load_dict({"type": "glaze", "coats": coats, "roughness": roughness})
+    rng = mi.PCG32(size=count)
+    for cosine in (0.95, 0.3):
+        si = many(mi, cosine, count)
+        one, two = rng.next_float32(), mi.Point2f(rng.next_float32(), rng.next_float32())
+        _, weight = bsdf.sample(mi.BSDFContext(), si, one, two)
+        drawn = np.array(weight[0])
+        wo = mi.warp.square_to_cosine_hemisphere(mi.Point2f(rng.next_float32(), rng.next_float32()))
+        value = np.array(bsdf.eval(mi.BSDFContext(), si, wo)[0] / mi.warp.square_to_cosine_hemisphere_pdf(wo))
+        mirror = 0.0
+        if roughness == 0:
+            from glazejax.radiative.common.fresnel import dielectric_reflectance
+
+            mirror = float(dielectric_reflectance(cosine, 1.5))
+        noise = np.hypot(drawn.std(), value.std()) / np.sqrt(count)
+        assert abs(drawn.mean() - value.mean() - mirror) < 4 * noise + 1e-4
+        assert noise < 0.02
+
+
+def test_derivatives_by_textures_are_those_of_the_solver(mitsuba):
+    import drjit as dr
+    import jax
+
+    mi = mitsuba
+    from glazejax.appearance.mitsuba import glaze_bsdf
+
+    paints = gj.catalogue.load()
+    mixture = gj.Mixture([paints["UltramarineBlue"], paints["Eosin"]], [0.5, 0.5])
+    glaze = gj.Glaze([gj.Layer(mixture, 2e-6), gj.Layer(paints["ZincWhite"], 10e-6)], 0.8)
+    given = {"thickness": np.array([[1.5e-6]]), "fraction": np.array([[0.3]]), "ground": np.array([[0.6]])}
+    bsdf = mi.load_dict(glaze_bsdf(glaze, **given, thickness_max=6e-6, tolerance=1e-4))
+    params = mi.traverse(bsdf)
+    names = [f"{name}.data" for name in given]
+    assert set(names) <= set(params.keys())
+    for name in names:
+        dr.enable_grad(params[name])
+    params.update()
+    si = many(mi, 0.6, 1)
+    cosine = 0.8
+    wo = mi.Vector3f(float(np.sqrt(1 - cosine**2)), 0.0, cosine)
+    dr.backward(bsdf.eval(mi.BSDFContext(), si, wo)[0])
+    # Mitsuba makes a map of one value one of 2 x 2.
+        found = [float(np.array(dr.grad(params[name])).sum()) * np.pi / cosine for name in names]
+
+    def factor(thickness, fraction, ground):
+        one = gj.Mixture(mixture.pigments, jax.numpy.stack([1 - fraction, fraction]))
+        there = gj.Glaze([gj.Layer(one, thickness * 1e-6), glaze.layers[1]], ground)
+        seen = gj.Bidirectional(*np.rad2deg(np.arccos([0.6, cosine])).tolist())
+        return gj.reflectance(there, seen)[10]
+
+    slopes = jax.grad(factor, (0, 1, 2))(1.5, 0.3, 0.6)
+    np.testing.assert_allclose(found, np.array(slopes), rtol=0.01, atol=1e-3)
+
+
+def furnace(mi, bsdf, size=16, samples=256):
+    """What a sphere of the material sends back of even light, (size, size)."""
+    view = mi.ScalarTransform4f().look_at([0, 0, 3.0], [0, 0, 0], [0, 1, 0])
+    film = {"type": "hdrfilm", "width": size, "height": size, "pixel_format": "luminance", "rfilter": {"type": "box"}}
+    made = mi.load_dict(
+        {
+            "type": "scene",
+            "integrator": {"type": "path"},
+            "sensor": {"type": "perspective", "fov": 25, "to_world": view, "film": film},
+            "thing": {"type": "sphere", "bsdf": bsdf},
+            "light": {"type": "constant"},
+        }
+    )
+    empty = mi.load_dict(
+        {
+            "type": "scene",
+            "integrator": {"type": "path"},
+            "sensor": {"type": "perspective", "fov": 25, "to_world": view, "film": film},
+            "light": {"type": "constant"},
+        }
+    )
+    lit, light = (np.array(mi.render(scene, spp=samples))[..., 0] for scene in (made, empty))
+    return lit / light.mean()
+
+
+@pytest.mark.parametrize("roughness", [0.0, 0.3])
+def test_all_light_comes_back_in_a_furnace(mitsuba, roughness):
+    import json
+
+    white = {"wavelengths": [400, 500, 600, 700], "absorption": [0] * 4, "scattering": [1e5, 2e5, 3e4, 1e6]}
+    stack = {"glazejax": "stack", "version": 1, "coats": [{"paint": {"W": 1}, "um": 10}], "ground": 1.0}
+    coats = json.dumps(stack | {"pigments": {"W": white}})
+    seen = furnace(mitsuba, {"type": "glaze", "coats": coats, "roughness": roughness})
+    assert seen.mean() == pytest.approx(1.0, abs=4e-3)
+
+
+@pytest.mark.slow
+def test_a_strokes_thickness_is_recovered_from_three_views(mitsuba):
+    from benchmarks.thickness_from_views import recover, stroke
+
+    truth = stroke(16)
+    found = recover(mitsuba, truth, size=48, target_samples=512, samples=16, steps=120)
+    assert np.linalg.norm(found.thickness - truth) < 0.03 * np.linalg.norm(truth)
