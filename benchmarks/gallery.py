@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.props import WAVELENGTHS, glazed, panel, table, window, wood
+from benchmarks.props import TOLERANCE, WAVELENGTHS, glazed, panel, table, window, wood
 from benchmarks.strokes import impasto, wiped_glaze
 from glazejax.appearance.scene.lights import AreaLight, Light, lamp
 from glazejax.appearance.scene.materials import Lambert, Material
@@ -51,10 +51,10 @@ def scene(time: str, width: int, height: int, fine: float = 1.0) -> Scene:
     materials: dict[str, Material] = {
         "wall": Lambert(0.6),
         "gesso": Lambert(0.78),
-        "table": wood(0.22, dark=3e-6),
-        "blue": glazed([("UltramarineBlue", 2e-6), WHITE], 0.9, wiped_glaze(blue, 2.2e-6, uneven=0.5, seed=1), 0.16),
-        "red": glazed([("Cochineal", 2e-6), WHITE], 0.9, wiped_glaze(red, 2.6e-6, seed=2), 0.12),
-        "yellow": glazed([("ChromeYellow", 2e-6), WHITE], 0.9, wiped_glaze(yellow, 1.6e-6, seed=3), 0.16),
+        "table": wood(0.2, dark=3e-6),
+        "blue": glazed([("UltramarineBlue", 2e-6), WHITE], 0.9, wiped_glaze(blue, 2.2e-6, uneven=0.5, seed=1), 0.15),
+        "red": glazed([("Cochineal", 2e-6), WHITE], 0.9, wiped_glaze(red, 2.6e-6, seed=2), 0.15),
+        "yellow": glazed([("ChromeYellow", 2e-6), WHITE], 0.9, wiped_glaze(yellow, 1.6e-6, seed=3), 0.15),
         "ball": glazed([("ViridianGreen", 4e-6), WHITE], 0.9),
     }
     shapes: list[Shape] = [
@@ -93,7 +93,7 @@ def main() -> None:
 
 def shown(made: Scene, time: str, samples: int) -> np.ndarray:
     """One picture for a screen."""
-    rendered = path_trace(made, samples=samples)
+    rendered = path_trace(made, samples=samples, tolerance=TOLERANCE)
     print(f"{LAMPS[time][1]}\n{rendered.report.describe()}")
     whites = [light_white(lamp(name, WAVELENGTHS), WAVELENGTHS) for name in (LAMPS[time][0], "D65")]
     screen = screen_picture(picture_xyz(rendered, WAVELENGTHS), np.mean(whites, axis=0), exposure=_EXPOSURE[time])

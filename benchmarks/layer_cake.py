@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.gallery import FOLDER, side_by_side
-from benchmarks.props import WAVELENGTHS, glazed, table, window, wood
+from benchmarks.props import TOLERANCE, WAVELENGTHS, glazed, table, window, wood
 from benchmarks.strokes import impasto, wiped_glaze
 from glazejax.appearance.scene.lights import lamp
 from glazejax.appearance.scene.materials import Lambert, Material
@@ -45,14 +45,14 @@ def scene(width: int, height: int, fine: float = 1.0) -> Scene:
 
     materials: dict[str, Material] = {
         "wall": Lambert(0.6),
-        "table": wood(0.25, dark=3e-6),
+        "table": wood(0.2, dark=3e-6),
         "ground": Lambert(0.82),
-        "underpaint": glazed([UNDERPAINT], 0.82, None, 0.3),
-        "first glaze": glazed([FIRST, UNDERPAINT], 0.82, part(first, 2), 0.25),
-        "second glaze": glazed([SECOND, FIRST, UNDERPAINT], 0.82, part(second, 3), 0.25),
-        "varnish": glazed([SECOND, FIRST, UNDERPAINT], 0.82, part(second, 4), 0.03),
-        "side of first glaze": glazed([(FIRST[0], 4e-6), UNDERPAINT], 0.82, None, 0.3),
-        "side of second glaze": glazed([(SECOND[0], 0.5e-6), UNDERPAINT], 0.82, None, 0.3),
+        "underpaint": glazed([UNDERPAINT], 0.82, None, 0.2),
+        "first glaze": glazed([FIRST, UNDERPAINT], 0.82, part(first, 2), 0.2),
+        "second glaze": glazed([SECOND, FIRST, UNDERPAINT], 0.82, part(second, 3), 0.2),
+        "varnish": glazed([SECOND, FIRST, UNDERPAINT], 0.82, part(second, 4)),
+        "side of first glaze": glazed([(FIRST[0], 4e-6), UNDERPAINT], 0.82, None, 0.2),
+        "side of second glaze": glazed([(SECOND[0], 0.5e-6), UNDERPAINT], 0.82, None, 0.2),
         "side of varnish": glazed([("ChromeYellow", 0.1e-6), UNDERPAINT], 0.82),
     }
     shapes: list[Shape] = [
@@ -92,7 +92,9 @@ def main() -> None:
 
     jax.config.update("jax_enable_x64", True)
     width, height = (int(part) for part in options.size.split("x"))
-    rendered = path_trace(scene(width, height, min(1.0, width / 1200)), samples=options.samples)
+    rendered = path_trace(
+        scene(width, height, min(1.0, width / 1200)), samples=options.samples, tolerance=TOLERANCE
+    )
     print(rendered.report.describe())
     white = light_white(lamp("D65", WAVELENGTHS), WAVELENGTHS)
     screen = screen_picture(picture_xyz(rendered, WAVELENGTHS), white)

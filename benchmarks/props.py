@@ -13,6 +13,8 @@ from glazejax.appearance.scene.materials import Glazed
 from glazejax.appearance.scene.shapes import Box, Plane, Shape
 
 WAVELENGTHS = np.arange(400.0, 701.0, 10.0)
+# Of a glaze's reflectance factor: less than a step of a screen.
+TOLERANCE = 3e-3
 
 
 def coats(*described: tuple[str, float]) -> list[gj.Layer]:
