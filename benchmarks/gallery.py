@@ -52,9 +52,9 @@ def scene(time: str, width: int, height: int, fine: float = 1.0) -> Scene:
         "wall": Lambert(0.6),
         "gesso": Lambert(0.78),
         "table": wood(0.2, dark=3e-6),
-        "blue": glazed([("UltramarineBlue", 2e-6), WHITE], 0.9, wiped_glaze(blue, 2.2e-6, uneven=0.5, seed=1), 0.15),
-        "red": glazed([("Cochineal", 2e-6), WHITE], 0.9, wiped_glaze(red, 2.6e-6, seed=2), 0.15),
-        "yellow": glazed([("ChromeYellow", 2e-6), WHITE], 0.9, wiped_glaze(yellow, 1.6e-6, seed=3), 0.15),
+        "blue": glazed([("UltramarineBlue", 2e-6), WHITE], 0.9, wiped_glaze(blue, 2.2e-6, uneven=0.5, seed=1), 0.1),
+        "red": glazed([("Cochineal", 2e-6), WHITE], 0.9, wiped_glaze(red, 2.6e-6, seed=2), 0.1),
+        "yellow": glazed([("ChromeYellow", 2e-6), WHITE], 0.9, wiped_glaze(yellow, 1.6e-6, seed=3), 0.1),
         "ball": glazed([("ViridianGreen", 4e-6), WHITE], 0.9),
     }
     shapes: list[Shape] = [
@@ -62,10 +62,10 @@ def scene(time: str, width: int, height: int, fine: float = 1.0) -> Scene:
         Plane("wall", (0.0, 0.85, 4.0), (0.0, -1.0, 0.0), (30.0, 16.0)),
         *panel("gesso", "blue", (-1.15, 0.0, 0.0), (3.35, 2.6), lean=9.0, turn=2.0, relief=_THICK * blue),
         *panel("gesso", "red", (1.65, -0.45, 0.0), (1.75, 2.3), lean=10.0, turn=-7.0, relief=_THICK * red),
-        *panel("gesso", "yellow", (-2.3, -1.05, 0.0), (1.3, 1.14), lean=13.0, turn=14.0, relief=0.8 * _THICK * yellow),
+        *panel("gesso", "yellow", (-2.14, -1.05, 0.0), (1.3, 1.14), lean=13.0, turn=14.0, relief=0.8 * _THICK * yellow),
         Sphere("ball", (0.45, -1.35, 0.46), 0.46),
     ]
-    camera = Camera((0.25, -9.4, 2.6), (-0.16, -0.2, 1.2), field_of_view=37.0)
+    camera = Camera((0.25, -9.4, 2.6), (-0.2, -0.2, 1.2), field_of_view=37.0)
     room = 0.06 * lamp(LAMPS[time][0], WAVELENGTHS)
     return Scene(WAVELENGTHS, shapes, materials, lights(time), camera, width, height, room)
 
@@ -73,8 +73,8 @@ def scene(time: str, width: int, height: int, fine: float = 1.0) -> Scene:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=FOLDER, help="folder for gallery.png (default: %(default)s)")
-    parser.add_argument("--size", default="800x560", help="pixels of each of the two pictures (default: %(default)s)")
-    parser.add_argument("--samples", type=int, default=576, help="rays of a pixel (default: %(default)s)")
+    parser.add_argument("--size", default="760x532", help="pixels of each of the two pictures (default: %(default)s)")
+    parser.add_argument("--samples", type=int, default=256, help="rays of a pixel (default: %(default)s)")
     parser.add_argument("--only", choices=tuple(LAMPS), help="one of the two pictures")
     options = parser.parse_args()
     import jax

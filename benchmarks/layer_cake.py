@@ -51,8 +51,8 @@ def scene(width: int, height: int, fine: float = 1.0) -> Scene:
         "first glaze": glazed([FIRST, UNDERPAINT], 0.82, part(first, 2), 0.2),
         "second glaze": glazed([SECOND, FIRST, UNDERPAINT], 0.82, part(second, 3), 0.2),
         "varnish": glazed([SECOND, FIRST, UNDERPAINT], 0.82, part(second, 4)),
-        "side of first glaze": glazed([(FIRST[0], 4e-6), UNDERPAINT], 0.82, None, 0.2),
-        "side of second glaze": glazed([(SECOND[0], 0.5e-6), UNDERPAINT], 0.82, None, 0.2),
+        "side of first glaze": glazed([(FIRST[0], 4e-6), UNDERPAINT], 0.82),
+        "side of second glaze": glazed([(SECOND[0], 0.5e-6), UNDERPAINT], 0.82),
         "side of varnish": glazed([("ChromeYellow", 0.1e-6), UNDERPAINT], 0.82),
     }
     shapes: list[Shape] = [
@@ -85,16 +85,14 @@ def _across(point: tuple[float, float, float]) -> float:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=FOLDER, help="folder for layer-cake.png (default: %(default)s)")
-    parser.add_argument("--size", default="1200x640", help="pixels of the picture (default: %(default)s)")
-    parser.add_argument("--samples", type=int, default=576, help="rays of a pixel (default: %(default)s)")
+    parser.add_argument("--size", default="960x512", help="pixels of the picture (default: %(default)s)")
+    parser.add_argument("--samples", type=int, default=256, help="rays of a pixel (default: %(default)s)")
     options = parser.parse_args()
     import jax
 
     jax.config.update("jax_enable_x64", True)
     width, height = (int(part) for part in options.size.split("x"))
-    rendered = path_trace(
-        scene(width, height, min(1.0, width / 1200)), samples=options.samples, tolerance=TOLERANCE
-    )
+    rendered = path_trace(scene(width, height, min(1.0, width / 960)), samples=options.samples, tolerance=TOLERANCE)
     print(rendered.report.describe())
     white = light_white(lamp("D65", WAVELENGTHS), WAVELENGTHS)
     screen = screen_picture(picture_xyz(rendered, WAVELENGTHS), white)

@@ -138,7 +138,7 @@ def on_objects(case: Case) -> np.ndarray:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     add_option(parser)
-    parser.add_argument("--samples", type=int, default=4096, help="rays of a pixel in Mitsuba (default: %(default)s)")
+    parser.add_argument("--samples", type=int, default=1024, help="rays of a pixel in Mitsuba (default: %(default)s)")
     options = parser.parse_args()
     import jax
 
