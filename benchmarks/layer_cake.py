@@ -28,7 +28,7 @@ _WIDE, _DEEP, _HIGH = 1.25, 2.3, 0.2
 _THICK = 0.05
 FIRST, SECOND = ("ChromeYellow", 1.2e-6), ("PrussianBlue", 0.13e-6)
 UNDERPAINT = ("LeadWhite", 40e-6)
-CAMERA = Camera((-0.3, -8.2, 4.6), (0.0, -0.1, 0.36), field_of_view=42.0)
+CAMERA = Camera((-0.3, -8.2, 4.6), (0.0, -0.1, 0.36), field_of_view=46.0)
 
 
 def scene(width: int, height: int, fine: float = 1.0) -> Scene:
@@ -46,7 +46,7 @@ def scene(width: int, height: int, fine: float = 1.0) -> Scene:
     materials: dict[str, Material] = {
         "wall": Lambert(0.6),
         "table": wood(0.2, dark=3e-6),
-        "ground": Lambert(0.82),
+        "ground": Lambert(0.69 + 0.1 * (WAVELENGTHS - 400.0) / 300.0),
         "underpaint": glazed([UNDERPAINT], 0.82, None, 0.2),
         "first glaze": glazed([FIRST, UNDERPAINT], 0.82, part(first, 2), 0.2),
         "second glaze": glazed([SECOND, FIRST, UNDERPAINT], 0.82, part(second, 3), 0.2),
@@ -69,9 +69,9 @@ def scene(width: int, height: int, fine: float = 1.0) -> Scene:
         heights = None if k == 0 else _THICK * (part(relief, k) - part(relief, k).min())
         shapes.append(Plane(name, top, (0.0, 0.0, 1.0), (_WIDE, _DEEP), (0.0, 1.0, 0.0), heights))
     # One window on the left, and one at the back that the varnish mirrors.
-    lights = window((-5.6, -2.6, 4.6), (1.0, 0.35, -0.75), (3.6, 3.6), "D65", 11.0)
-    lights += window((1.5, 3.1, 3.5), (0.0, -1.0, 0.0), (3.4, 2.2), "D65", 3.0, (2, 2))
-    room = 0.08 * lamp("D65", WAVELENGTHS)
+    lights = window((-5.2, -4.4, 4.6), (1.0, 0.7, -0.75), (3.6, 3.6), "D65", 15.0, (2, 2))
+    lights += window((1.5, 3.1, 3.5), (0.0, -1.0, 0.0), (3.4, 2.2), "D65", 3.0, (2, 1))
+    room = 0.1 * lamp("D65", WAVELENGTHS)
     return Scene(WAVELENGTHS, shapes, materials, lights, CAMERA, width, height, room)
 
 
@@ -85,14 +85,14 @@ def _across(point: tuple[float, float, float]) -> float:
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=FOLDER, help="folder for layer-cake.png (default: %(default)s)")
-    parser.add_argument("--size", default="960x512", help="pixels of the picture (default: %(default)s)")
+    parser.add_argument("--size", default="900x480", help="pixels of the picture (default: %(default)s)")
     parser.add_argument("--samples", type=int, default=256, help="rays of a pixel (default: %(default)s)")
     options = parser.parse_args()
     import jax
 
     jax.config.update("jax_enable_x64", True)
     width, height = (int(part) for part in options.size.split("x"))
-    rendered = path_trace(scene(width, height, min(1.0, width / 960)), samples=options.samples, tolerance=TOLERANCE)
+    rendered = path_trace(scene(width, height, min(1.0, width / 900)), samples=options.samples, tolerance=TOLERANCE)
     print(rendered.report.describe())
     white = light_white(lamp("D65", WAVELENGTHS), WAVELENGTHS)
     screen = screen_picture(picture_xyz(rendered, WAVELENGTHS), white)
