@@ -16,7 +16,8 @@ from .coats import Axes, check_layer, ground_of, index_of, read_coats, varied
 from .device import DrJit, renderer
 from .lobes import Facets, Mirror
 from .parameters import Given, read
-from .surfaces import Rough, Smooth
+from .rough import Rough
+from .smooth import Smooth
 from .table import Body, body_table
 
 # Room for a texture whose values are all alike: a table wants a range.

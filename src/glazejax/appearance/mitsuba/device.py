@@ -56,6 +56,10 @@ class DrJit:
         """Of what is not much smaller than 1."""
         return self._dr.log(1.0 + x)
 
+    def asinh(self, x: Any) -> Any:
+        """Of x >= 0."""
+        return self._dr.log(x + self._dr.sqrt(x * x + 1.0))
+
     def kept(self, table: np.ndarray | None) -> Any:
         """A table as `packet` takes it."""
         if table is None:

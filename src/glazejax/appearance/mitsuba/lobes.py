@@ -3,7 +3,8 @@
 from typing import Any
 
 from .device import DrJit
-from .surfaces import Rough, Smooth
+from .rough import Rough
+from .smooth import Smooth
 
 
 class Mirror:
@@ -19,7 +20,7 @@ class Mirror:
 
     def albedo(self, cosine: Any) -> Any:
         """Share of the light that it reflects."""
-        return 1.0 - self._surface.transmittance(self._ops, cosine)
+        return 1.0 - self._surface.let_in(self._ops, cosine)
 
     def sample(self, wi: Any, sample1: Any, sample2: Any) -> Any:
         """The mirrored direction."""

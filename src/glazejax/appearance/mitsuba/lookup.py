@@ -45,6 +45,10 @@ class Arithmetic(Protocol):
         """Logarithm of 1 + x."""
         ...
 
+    def asinh(self, x: Any) -> Any:
+        """Inverse hyperbolic sine."""
+        ...
+
 
 class Place(NamedTuple):
     """A cell and where in it: numbers of its lower node, and the distance from there in cells."""
@@ -58,6 +62,7 @@ class NumPy:
 
     sqrt = staticmethod(np.sqrt)
     log1p = staticmethod(np.log1p)
+    asinh = staticmethod(np.arcsinh)
     clip = staticmethod(np.clip)
     maximum = staticmethod(np.maximum)
 

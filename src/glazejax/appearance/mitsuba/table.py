@@ -19,8 +19,9 @@ from ...paint.media import Glaze
 from . import lookup
 from .coats import Axes
 from .lookup import NUMPY, Arithmetic, Place
-from .nodes import Nodes, Solver, bounded, factor_of, lagrange, solve_nodes
-from .surfaces import Surface, known_part
+from .nodes import SOLVER, Nodes, Solver, bounded, over, solve_nodes
+from .parts import factor_of, lagrange
+from .surfaces import Surface
 
 _ANGLES = (33, 65, 129, 257)
 _LINE = (9, 17, 33, 65, 129)
@@ -136,7 +137,7 @@ def body_table(
     for _ in range(_TRIES):
         nodes = solve_nodes(surface, glaze, layer, axes, tries)
         body = _compressed(nodes, ground, mean_ground)
-        error = _error(body, Solver(surface, glaze, layer, 0.05 * tolerance), ground) + 0.05 * tolerance
+        error = _error(body, Solver(surface, glaze, layer, SOLVER * tolerance), ground) + SOLVER * tolerance
         if best is None or error < best.error:
             best = replace(body, error=error, tolerance=tolerance)
         if error <= tolerance:
@@ -183,11 +184,11 @@ def reflectance_factor(ops: Arithmetic, body: Body, here: Here, cos_in: Any, cos
     """Reflectance factor of the body at each wavelength of `at_point`; cosines in air, above 0."""
     a, b = (angle_at(ops, body, cosine) for cosine in (cos_in, cos_out))
     shapes = lookup.pair_sum(ops, body.pairs, a, b, body.angles, body.packets[0])
-    known = known_part(ops, body.surface, cos_in, cos_out)
+    known = body.surface.known(ops, cos_in, cos_out)
     found = [_dots(ops, shapes, weights) * known for weights in here.pairs]
     if here.lines is not None and here.ground is not None:
         one, two = (lookup.line_sum(ops, body.lines, angle, body.packets[1]) for angle in (a, b))
-        let_in = body.surface.transmittance(ops, cos_in) * body.surface.transmittance(ops, cos_out)
+        let_in = body.surface.let_in(ops, cos_in) * body.surface.let_in(ops, cos_out)
         for k, ((*weights, last), ground) in enumerate(zip(here.lines, here.ground, strict=True)):
             through = _dots(ops, one, weights) * _dots(ops, two, weights) * let_in
             found[k] = factor_of(found[k], through, 1.0, last[0], ground)
@@ -208,7 +209,7 @@ def _dots(ops: Arithmetic, one: list[Any], two: list[Any]) -> Any:
 def _compressed(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> Body:
     """Shapes and their weights, from the solver's nodes."""
     surface, n = nodes.surface, nodes.cosines.size
-    known = known_part(NUMPY, surface, nodes.cosines[:, None], nodes.cosines)
+    known = surface.known(NUMPY, nodes.cosines[:, None], nodes.cosines) * np.ones((n, n))
     exact, dim = folded(nodes, ground), folded(nodes, mean_ground if ground is None else ground)
     dim = dim.mean(axis=-2, keepdims=True)
     shapes, onto = _basis([exact, dim], known.ravel(), _SHAPES * nodes.tolerance)
@@ -218,8 +219,9 @@ def _compressed(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> 
     to_grid = lagrange(np.linspace(-1.0, 1.0, count), n)
     lines = through = None
     if ground is None:
-        tau = nodes.parts(_extrema(nodes)).through / surface.transmittance(NUMPY, nodes.cosines)
-        across, onto_lines = _basis([tau], surface.transmittance(NUMPY, nodes.cosines), _SHAPES * nodes.tolerance)
+        tall = surface.let_in(NUMPY, nodes.cosines) * np.ones(n)
+        tau = nodes.parts(_extrema(nodes)).through / tall
+        across, onto_lines = _basis([tau], tall, _SHAPES * nodes.tolerance)
         lines = _packed(to_grid @ across.T)
         back = nodes.parts(_extrema(nodes)).back[..., None]
         through = _series(np.concatenate([_padded(tau @ onto_lines), back], axis=-1), len(nodes.axes))
@@ -232,7 +234,7 @@ def _compressed(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> 
     cosines, measure = _hemisphere()
     onto_sphere = lagrange(2.0 * surface.coordinate(NUMPY, cosines) - 1.0, n) * measure[:, None]
     steps = surface.cosine(np.linspace(0.0, 1.0, count))
-    sphere = known_part(NUMPY, surface, steps[:, None], cosines) @ onto_sphere
+    sphere = (surface.known(NUMPY, steps[:, None], cosines) * np.ones((count, cosines.size))) @ onto_sphere
     albedo = np.einsum("ai,aj,kij->ak", to_grid, sphere, squares)
     return Body(
         surface,
@@ -253,10 +255,9 @@ def _compressed(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> 
 def folded(nodes: Nodes, ground: Any) -> Float[np.ndarray, "*nodes bands pairs"]:
     """What is left of the reflectance factor without its known part, on Chebyshev's nodes; black without a ground."""
     parts = nodes.parts(_extrema(nodes))
-    level = np.reshape(0.0 if ground is None else ground, (-1, 1, 1))
-    back = np.clip(parts.back, 0.0, 0.999)[..., None, None]
-    whole = factor_of(parts.black, parts.through[..., :, None], parts.through[..., None, :], back, level)
-    values = whole / known_part(NUMPY, nodes.surface, nodes.cosines[:, None], nodes.cosines)
+    values = over(parts, 0.0 if ground is None else ground) / nodes.surface.known(
+        NUMPY, nodes.cosines[:, None], nodes.cosines
+    )
     return values.reshape(*values.shape[:-2], -1)
 
 
@@ -366,9 +367,12 @@ def _error(body: Body, solver: Solver, ground: np.ndarray | None) -> float:
         points[name] = np.where(rng.random(_CHECKS) < 0.5, even, axis.point(rng.uniform(-1.0, 1.0, _CHECKS)))
     level = rng.random(_CHECKS)[:, None, None] if ground is None else ground
     cosines = [x[:, None, None] for x in (a, b)]
+    if not points:
+        cosines = [x[:, 0] for x in cosines]
+        level = level if ground is not None else level[:, 0]
     truth = solver.factor(points, *cosines, level).reshape(_CHECKS, -1)
     waves = [np.full(_CHECKS, w) for w in body.wavelengths]
-    given = None if ground is not None else [level[:, 0, 0]] * body.bands
+    given = None if ground is not None else [level.reshape(-1)] * body.bands
     here = at_point(NUMPY, body, points, waves, given)
     found = np.stack(reflectance_factor(NUMPY, body, here, a, b), axis=-1)
     return SAFETY * float(np.max(np.abs(found - truth) * bounded(body.surface, a, b)[:, None]))

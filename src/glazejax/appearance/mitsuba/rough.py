@@ -1,0 +1,151 @@
+"""Glazes under a rough surface, for their table: GGX facets on both sides (`glazejax.radiative.rough`).
+
+All light between air and body passes a few functions of the angle, `Operators.enters`. What the body does is a matrix
+and a vector on them, so one solution a function, and one for light that starts on the ground, give all angles.
+"""
+
+import copy
+import functools
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ...radiative.rough import loss_constant, rough_reflectance_factor, surface_albedo, surface_loss
+from ...radiative.rough.body import Lit, reflectance
+from ...radiative.rough.body import Surface as Resolved
+from ...radiative.rough.resolution import FINEST, resolve
+from ...spectra import Numbers
+from . import lookup
+from .lookup import NUMPY, Arithmetic
+from .parts import Parts, evenly, lagrange, split
+from .surfaces import in_blocks
+
+_STACKS = 256
+_STEPS, _QUADRATURE = 257, 64
+_ANGLE_NODES = (12, 16, 20, 24, 32, 40, 48)
+_LEAST_COSINE = 1e-6
+
+
+class Rough:
+    """GGX facets, their loss made good; a `surfaces.Surface`.
+
+    Attributes:
+        lost: what the compensation divides by, C of `glazejax.radiative.rough.surface`.
+        table: of cosines in air: all that is reflected, what single facets lose, and the share of that in the former.
+    """
+
+    def __init__(self, refractive_index: float, roughness: float):
+        self.refractive_index, self.roughness = refractive_index, roughness
+        self._resolved = resolve(refractive_index, roughness, FINEST)
+        made = self._resolved.operators().table
+        assert made is not None
+        self._turn = float(made.turn)
+        given: dict[str, Any] = {"refractive_index": refractive_index, "roughness": roughness}
+        self.lost = loss_constant(**given)
+        cosines = np.maximum(self.cosine(np.linspace(0.0, 1.0, _STEPS)), _LEAST_COSINE)
+        albedo, loss = (np.asarray(f(cosines, **given), float) for f in (surface_albedo, surface_loss))
+        # How much of what single facets lose comes back to the air.
+        x, weights = np.polynomial.legendre.leggauss(_QUADRATURE)
+        fine = 0.5 * (x + 1.0)
+        back = float(np.sum(np.pi * weights * fine * np.asarray(surface_loss(fine, **given), float))) / self.lost
+        share = np.clip(loss * back / albedo, 0.0, 1.0)
+        columns = np.stack([albedo, loss, share, 0.0 * share], axis=-1)
+        self.table: Any = np.ascontiguousarray(columns[:, None], np.float32)
+
+    def coordinate(self, ops: Arithmetic, cosine: Any) -> Any:
+        """From cosines in air to [0, 1]."""
+        return ops.asinh(cosine / self._turn) / float(np.arcsinh(1.0 / self._turn))
+
+    def cosine(self, coordinate: Any) -> Any:
+        """From [0, 1] to cosines in air."""
+        return np.clip(self._turn * np.sinh(coordinate * np.arcsinh(1.0 / self._turn)), 0.0, 1.0)
+
+    def columns(self, ops: Arithmetic, cosine: Any) -> Any:
+        """Of `table`, at a cosine in air."""
+        return lookup.line_sum(ops, self.table, lookup.place(ops, self.coordinate(ops, cosine), _STEPS), 1)[0]
+
+    def let_in(self, ops: Arithmetic, cosine: Any) -> Any:
+        """Nothing is known without the table."""
+        return 1.0
+
+    def known(self, ops: Arithmetic, cos_in: Any, cos_out: Any) -> Any:
+        """Nothing is known without the table."""
+        return 1.0
+
+    def factor(self, stack: dict[str, Numbers], cos_in: Numbers, cos_out: Numbers, tolerance: float) -> np.ndarray:
+        """`rough_reflectance_factor`."""
+        solve = functools.partial(rough_reflectance_factor, roughness=self.roughness)
+        return in_blocks(solve, stack, cos_in, cos_out, max(tolerance, FINEST), self.refractive_index, block=512)
+
+    def angles(self, error: Callable[[np.ndarray], float], tolerance: float) -> np.ndarray:
+        """Nodes between which the functions of the angle are polynomials, which costs no solution."""
+        made = self._resolved.operators()
+        between = self.cosine(np.linspace(0.0, 1.0, 301)[1:])
+        exact = np.asarray(made.enters(between), float)
+        cosines = np.zeros(0)
+        for count in _ANGLE_NODES:
+            cosines = self.cosine(evenly(count))
+            basis = lagrange(2.0 * self.coordinate(NUMPY, between) - 1.0, count)
+            off = np.abs(basis @ np.asarray(made.enters(cosines), float) - exact).sum(axis=1).max()
+            if off <= tolerance:
+                break
+        return cosines
+
+    def parts(self, stack: dict[str, Numbers], cosines: np.ndarray, tolerance: float) -> np.ndarray:
+        """R0, T and S on the functions of the angle, one row a stack: (..., rows), see `nodes.split`."""
+        surface = resolve(self.refractive_index, self.roughness, max(tolerance, FINEST))
+        albedo, depth = np.broadcast_arrays(*(np.asarray(stack[k]) for k in ("albedo", "optical_thickness")))
+        shape, layers = albedo.shape[:-1], albedo.shape[-1]
+        rows = [x.reshape(-1, layers) for x in (albedo, depth)]
+        found = []
+        for start in range(0, len(rows[0]), _STACKS):
+            some = (np.resize(x[start : start + _STACKS], (_STACKS, layers)) for x in rows)
+            found.append(np.asarray(_parts(*some, surface), float))
+        return np.concatenate(found)[: len(rows[0])].reshape(*shape, -1)
+
+    def expanded(self, values: np.ndarray, cosines: np.ndarray, tolerance: float) -> Parts:
+        """From the functions of the angle to the angles."""
+        made = resolve(self.refractive_index, self.roughness, max(tolerance, FINEST)).operators()
+        enters = np.asarray(made.enters(cosines), float)
+        parts = split(values, made.basis.cosines.size)
+        return Parts(enters @ parts.black @ enters.T, parts.through @ enters.T, parts.back)
+
+    def on(self, kept: Callable[[np.ndarray], Any]) -> "Rough":
+        """With its table as `Arithmetic.packet` takes it."""
+        other = copy.copy(self)
+        other.table = kept(self.table)
+        return other
+
+
+@functools.partial(jax.jit, static_argnums=2)
+def _parts(albedo: Array, depth: Array, surface: Resolved) -> Float[Array, "stacks rows"]:
+    """R0 (upper triangle), T and S of stacks, on the functions of the angle; see `radiative.rough.ports`."""
+    stacks, n = albedo.shape[0], surface.operators().basis.cosines.size
+    pairs = -(-n // 2)
+    unit = jnp.eye(2 * pairs, n, dtype=albedo.dtype).reshape(pairs, 2, n)
+    # The last row is light that starts on a white ground and is seen from there.
+    enters = jnp.concatenate([unit, jnp.zeros((1, 2, n), albedo.dtype)])
+    last = jnp.arange(pairs + 1) == pairs
+
+    def repeated(values: Array) -> Array:
+        return jnp.repeat(values, pairs + 1, axis=0)
+
+    def tiled(values: Array) -> Array:
+        return jnp.tile(values, (stacks, *[1] * (values.ndim - 1)))
+
+    white = tiled(last.astype(albedo.dtype))
+    lit = Lit(repeated(albedo), repeated(depth), white, tiled(enters), jnp.stack([white, white], axis=1))
+    value, back = jax.vjp(lambda given: reflectance(lit._replace(enters=given), surface), lit.enters)
+    (slopes,) = back(jnp.ones_like(value))
+    slopes = slopes.reshape(stacks, pairs + 1, 2, n)
+    # The form is bilinear: its slope by one beam is the matrix times the other.
+    matrix = slopes[:, :-1, ::-1].reshape(stacks, 2 * pairs, n)[:, :n] / surface.index**2
+    matrix = 0.5 * (matrix + jnp.swapaxes(matrix, 1, 2))
+    itself = value.reshape(stacks, -1)[:, -1:]
+    through = 2.0 * slopes[:, -1, 0] / (surface.index * itself)
+    rows, columns = np.triu_indices(n)
+    return jnp.concatenate([matrix[:, rows, columns], through, 1.0 - 4.0 / itself], axis=1)

@@ -1,0 +1,107 @@
+"""Glazes under a smooth surface, for their table."""
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from ...radiative.stack import stack_reflectance_factor
+from ...spectra import Numbers
+from .lookup import Arithmetic
+from .parts import Parts, evenly, split
+from .surfaces import in_blocks, inside
+
+# Numbers of angles that are tried.
+_ANGLES = (4, 5, 6, 8, 10, 12, 16, 24, 32)
+# Without a surface the factor has no bound where both directions graze; there it is this sum of cosines' value.
+_LEAST_SUM = 1e-6
+# Light that reaches the ground and comes back, below which what the ground sees is not known, and does not matter.
+_FAINT = 1e-10
+
+
+class Smooth:
+    """Fresnel's surface, a `surfaces.Surface`: what is smooth is smooth in the cosine inside the paint."""
+
+    def __init__(self, refractive_index: float):
+        self.refractive_index = refractive_index
+        self._steepest = float(np.sqrt((refractive_index - 1.0) * (refractive_index + 1.0)) / refractive_index)
+
+    def coordinate(self, ops: Arithmetic, cosine: Any) -> Any:
+        """From cosines in air to [0, 1]."""
+        return (inside(ops, cosine, self.refractive_index) - self._steepest) / (1.0 - self._steepest)
+
+    def cosine(self, coordinate: Any) -> Any:
+        """From [0, 1] to cosines in air."""
+        n, within = self.refractive_index, self._steepest + coordinate * (1.0 - self._steepest)
+        return np.sqrt(np.clip(n**2 * (within**2 - 1.0) + 1.0, 0.0, 1.0))
+
+    def let_in(self, ops: Arithmetic, cosine: Any) -> Any:
+        """1 - Fresnel's reflectance, which is `dielectric_reflectance` for NumPy and JAX."""
+        n = self.refractive_index
+        within = n * inside(ops, cosine, n)
+        s = (cosine - within) / (cosine + within)
+        p = (n * n * cosine - within) / (n * n * cosine + within)
+        return 1.0 - 0.5 * (s * s + p * p)
+
+    def known(self, ops: Arithmetic, cos_in: Any, cos_out: Any) -> Any:
+        """T T/(mu_I + mu_F): what changes fast with the angle."""
+        n = self.refractive_index
+        total = ops.maximum(inside(ops, cos_in, n) + inside(ops, cos_out, n), _LEAST_SUM)
+        return self.let_in(ops, cos_in) * self.let_in(ops, cos_out) / total
+
+    def factor(self, stack: dict[str, Numbers], cos_in: Numbers, cos_out: Numbers, tolerance: float) -> np.ndarray:
+        """`stack_reflectance_factor`."""
+        return in_blocks(stack_reflectance_factor, stack, cos_in, cos_out, tolerance, self.refractive_index)
+
+    def angles(self, error: Callable[[np.ndarray], float], tolerance: float) -> Float[np.ndarray, "angles"]:
+        """As few nodes as will do."""
+        cosines = np.zeros(0)
+        for count in _ANGLES:
+            cosines = self.cosine(evenly(count))
+            if error(cosines) <= tolerance:
+                break
+        return cosines
+
+    def parts(
+        self, stack: dict[str, Numbers], cosines: np.ndarray, tolerance: float
+    ) -> Float[np.ndarray, "*stacks rows"]:
+        """R0 of all pairs of angles, T of each and S, from three levels of the ground."""
+        n = cosines.size
+        rows, columns = np.triu_indices(n)
+        # The last angle is the steepest, which lets most light through.
+        first = np.concatenate([rows, np.arange(n), [n - 1]])
+        second = np.concatenate([columns, np.arange(n), [n - 1]])
+        ground = np.concatenate([np.zeros(rows.size), np.ones(n), [0.5]])
+        one = {name: np.asarray(x)[..., None, :] for name, x in stack.items()}
+        one["substrate_reflectance"] = ground
+        found = self.factor(one, cosines[first], cosines[second], tolerance)
+        black = found[..., : rows.size]
+        diagonal = black[..., rows == columns]
+        full = np.maximum(found[..., rows.size : -1] - diagonal, 0.0)
+        half = found[..., -1] - diagonal[..., -1]
+        known = full[..., -1] > _FAINT
+        # From T T/(1 - S) and .5 T T/(1 - .5 S).
+        ratio = np.where(known, half, 0.4) / np.where(known, full[..., -1], 1.0)
+        back = np.where(known, np.clip((1.0 - 2.0 * ratio) / (1.0 - ratio), 0.0, 1.0), np.nan)
+        back = _filled(back.reshape(-1, back.shape[-1])).reshape(back.shape)[..., None]
+        return np.concatenate([black, np.sqrt(full * (1.0 - back)), back], axis=-1)
+
+    def expanded(self, values: np.ndarray, cosines: np.ndarray, tolerance: float) -> Parts:
+        """They are those of the nodes as they are."""
+        return split(values, cosines.size)
+
+    def on(self, kept: Callable[[np.ndarray], Any]) -> "Smooth":
+        """It has no tables."""
+        return self
+
+
+def _filled(back: Float[np.ndarray, "points bands"]) -> Float[np.ndarray, "points bands"]:
+    """S where it is not known: that of the next point, since it hardly changes where little light gets through."""
+    for band in back.T:
+        known = np.flatnonzero(np.isfinite(band))
+        unknown = np.flatnonzero(~np.isfinite(band))
+        if unknown.size:
+            near = known[np.abs(known[None] - unknown[:, None]).argmin(axis=1)] if known.size else None
+            band[unknown] = 0.0 if near is None else band[near]
+    return back
