@@ -25,9 +25,9 @@ from benchmarks.strokes import brush_strokes
 from glazejax.appearance.metals import metal
 from glazejax.appearance.scene.lights import ParallelLight, PointLight
 from glazejax.appearance.scene.materials import Conductor, Glazed, Lambert, Material
-from glazejax.appearance.scene.path_trace import PathReport, path_trace
+from glazejax.appearance.scene.path_trace import PathTraced, path_trace
 from glazejax.appearance.scene.rays import lamps, trace
-from glazejax.appearance.scene.render import Rendered, render
+from glazejax.appearance.scene.render import render
 from glazejax.appearance.scene.scene import Camera, Scene
 from glazejax.appearance.scene.shapes import Box, Plane, Shape, Sphere
 from glazejax.appearance.scene.variants import usable_variant
@@ -108,7 +108,7 @@ def ours(case: Case, antialias: int = 16) -> Float[np.ndarray, "h w 3"]:
     return render(scene, adaptive=False, tolerance=1e-4).radiance @ linear_weights(WAVELENGTHS)
 
 
-def theirs(case: Case, samples: int) -> Rendered:
+def theirs(case: Case, samples: int) -> PathTraced:
     """XYZ by Mitsuba, and its report."""
     lit = case.scene.diffuse_bounces > 0
     return path_trace(case.scene, samples=samples, max_depth=case.max_depth, background=lit, tolerance=1e-4)
@@ -161,7 +161,6 @@ def main() -> None:
         mean, bias = differences(mine, other)
         pictures.append((name, mine, other))
         times = f"{middle - start:9.1f}{end - middle:9.1f}"
-        assert isinstance(traced.report, PathReport)
         noise = traced.report.pixel_noise
         alone = differences(mine, other, on_objects(case))[0]
         results(f"{name:10}{mean:21.3%}{alone:21.3%}{bias:21.3%}{noise:21.3%}{case.limit:9.0%}{times}")

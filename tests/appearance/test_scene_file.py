@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from glazejax.appearance.scene import file as scene_file
 from glazejax.appearance.scene.lights import AreaLight, PointLight
-from glazejax.appearance.scene.materials import Conductor
+from glazejax.appearance.scene.materials import Conductor, Glazed
 from glazejax.appearance.scene.render import render
 from glazejax.appearance.scene.shapes import Box, Mesh, Plane, Sphere
 from glazejax.colour import colour_weights
@@ -258,7 +258,9 @@ def test_area_lights_relief_and_roughness_are_read(write, tmp_path):
     # Luminance of the lamps themselves.
     luminance = scene.light_spectra() @ colour_weights(scene.wavelengths, "E")[:, 1]
     np.testing.assert_allclose(luminance, [3.0, 1.0])
-    assert scene.materials["paint"].roughness == 0.25
+    paint = scene.materials["paint"]
+    assert isinstance(paint, Glazed)
+    assert paint.roughness == 0.25
     (floor,) = (shape for shape in scene.shapes if isinstance(shape, Plane))
     np.testing.assert_allclose(np.asarray(floor.relief), 0.02 * heights)
     beyond = scene.needs_path_tracing()

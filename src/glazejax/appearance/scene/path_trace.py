@@ -52,6 +52,13 @@ class PathReport(RenderReport):
         return "\n".join(lines)
 
 
+@dataclass(frozen=True)
+class PathTraced(Rendered):
+    """A picture as XYZ, and how noisy it is."""
+
+    report: PathReport
+
+
 def path_trace(
     scene: Scene,
     *,
@@ -61,7 +68,7 @@ def path_trace(
     tolerance: float = 1e-3,
     seed: int = 0,
     progress: Progress | None = None,
-) -> Rendered:
+) -> PathTraced:
     """Make a picture with everything that light does, in Mitsuba 3.
 
     A spectral variant of Mitsuba that is set stays; otherwise the fastest that works here is set meanwhile.
@@ -76,7 +83,7 @@ def path_trace(
         progress: told how far it is.
 
     Returns:
-        `Rendered`, XYZ with a `PathReport`. Interrupted from the keyboard, it is the mean of the passes done.
+        `PathTraced`. Interrupted from the keyboard, it is the mean of the passes done.
 
     Raises:
         ModuleNotFoundError: Mitsuba is not installed.
@@ -118,7 +125,7 @@ def passes_of(samples: int, pixels: int) -> tuple[int, int]:
 
 def _mean(
     scene: Scene, report: PathReport, each: int, one: Callable[[int], Float[np.ndarray, "h w 3"]], told: Progress
-) -> Rendered:
+) -> PathTraced:
     """Mean of the passes, and the spread of their luminance."""
     total = np.zeros((scene.height, scene.width, 3))
     square, means = np.zeros((scene.height, scene.width)), []
@@ -143,4 +150,4 @@ def _mean(
         report.mean_noise = float(np.std(means, ddof=1) / np.sqrt(count)) / mean
     told(1.0, "following paths")
     grid = np.asarray(scene.wavelengths, float)
-    return Rendered(total, False, grid, np.ones(grid.size, bool), count / report.passes_full, report)
+    return PathTraced(total, False, grid, np.ones(grid.size, bool), count / report.passes_full, report)

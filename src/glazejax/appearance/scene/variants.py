@@ -73,9 +73,10 @@ def spectral_variant() -> Iterator[str]:
     if is_spectral(before):
         yield str(before)
         return
-    mi.set_variant(usable_variant())
+    found = usable_variant()
+    mi.set_variant(found)
     try:
-        yield mi.variant()
+        yield found
     finally:
         if before is not None:
             mi.set_variant(before)
