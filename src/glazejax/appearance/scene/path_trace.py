@@ -111,7 +111,7 @@ def path_trace(
         loaded = mi.load_dict(made)
 
         def one(number: int) -> Float[np.ndarray, "h w 3"]:
-            return np.array(mi.render(loaded, spp=each, seed=seed * report.passes_full + number), float)
+            return np.array(mi.render(loaded, spp=each, seed=mi.UInt32(seed * report.passes_full + number)), float)
 
         return _mean(scene, report, each, one, told)
 
