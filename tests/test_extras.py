@@ -37,6 +37,7 @@ OPTIONAL = {
     "uvicorn": "studio",
     "websockets": "studio",
     "anywidget": "studio",
+    "mitsuba": "render",
 }
 
 _BLOCK = f"""
@@ -64,6 +65,9 @@ import numpy as np
 import glazefit
 import glazejax
 
+import glazejax.appearance.mitsuba  # which needs Mitsuba to load, not to be imported
+
+assert glazejax.appearance.mitsuba.glaze_bsdf("Eosin:2um")["type"] == "glaze"
 for package in (glazejax, glazejax.appearance, glazejax.appearance.scene, glazejax.io, glazefit):
     for name in package.__all__:
         getattr(package, name)
@@ -89,6 +93,7 @@ print("done")
 """
 
 _MISSING = """
+import glazejax.appearance.mitsuba
 import glazejax.colour
 import numpy as np
 
@@ -100,6 +105,7 @@ for extra, call in (
     ("plots", lambda: save_png("a.png", np.zeros((2, 2, 3), np.uint8))),
     ("arviz", load_arviz),
     ("cube", lambda: glazejax.io.open_cube("a.npy")),
+    ("render", lambda: glazejax.appearance.mitsuba.register()),
 ):
     try:
         call()

@@ -28,7 +28,7 @@ _EXTRAS = {
     "websockets": ("websockets", "studio"),
     "anywidget": ("anywidget", "studio"),
     "selenium": ("selenium", "test"),
-    "mitsuba": ("mitsuba", "benchmark"),
+    "mitsuba": ("mitsuba", "render"),
 }
 
 

@@ -63,6 +63,24 @@ def test_it_is_what_glazejax_reflectance_says(mitsuba, paints):
         np.testing.assert_allclose(factor(mitsuba, bsdf, *cosines), told, rtol=0, atol=1e-4)
 
 
+def test_a_rough_surface_is_that_of_the_solver(mitsuba, paints):
+    from glazejax.appearance.mitsuba import glaze_bsdf
+    from glazejax.radiative.rough import rough_reflectance_factor, surface_reflectance_factor
+
+    glaze = gj.Glaze([gj.Layer(paints["Eosin"], 2e-6), gj.Layer(paints["ZincWhite"], 9e-6)], 0.7)
+    body, whole = (
+        mitsuba.load_dict(glaze_bsdf(glaze, roughness=0.5, gloss=gloss, tolerance=5e-3)) for gloss in (False, True)
+    )
+    stack = glaze.albedo, glaze.optical_thickness, glaze.substrate
+    for azimuth, (a, b) in zip((0.0, 50.0, 180.0), PAIRS[1:4], strict=True):
+        told = np.asarray(rough_reflectance_factor(*stack, roughness=0.5, cos_incidence=a, cos_viewing=b))
+        found = factor(mitsuba, body, a, b)
+        np.testing.assert_allclose(found, told, rtol=0, atol=body.table.error)
+        # In Mitsuba both directions point away, so that the mirror's side is opposite.
+        added = factor(mitsuba, whole, a, b, azimuth=np.pi - np.deg2rad(azimuth)) - found
+        np.testing.assert_allclose(added, surface_reflectance_factor(a, b, azimuth, roughness=0.5), rtol=2e-3)
+
+
 def test_textures_of_thickness_fraction_and_ground(mitsuba, paints):
     from glazejax.appearance.mitsuba import glaze_bsdf
 

@@ -85,8 +85,8 @@ def check_layer(glaze: Glaze, layer: int, axes: Axes) -> None:
         low, high = axes.thickness
         if not 0 <= low < high <= MAX_THICKNESS:
             raise ValueError(
-                f"coat {layer} is {low:g} to {high:g} m thick; give thickness_max above 0 and at most {MAX_THICKNESS:g} "
-                "m (20 micrometres are 20e-6)"
+                f"coat {layer} is {low:g} to {high:g} m thick; thickness_max must be above 0 and at most "
+                f"{MAX_THICKNESS:g} m (20 micrometres are 20e-6)"
             )
 
 

@@ -40,7 +40,22 @@ class DrJit:
     def __init__(self, mi: Any, dr: Any, active: Any = True):
         self._mi, self._dr, self._active = mi, dr, active
         self._jit = bool(dr.is_jit_v(mi.Float))
-        self.sqrt, self.dot, self.clip, self.maximum = dr.sqrt, dr.dot, dr.clip, dr.maximum
+
+    def sqrt(self, x: Any) -> Any:
+        """Square root."""
+        return self._dr.sqrt(x)
+
+    def clip(self, x: Any, low: float, high: float) -> Any:
+        """Within [low, high]."""
+        return self._dr.clip(x, low, high)
+
+    def maximum(self, x: Any, y: Any) -> Any:
+        """The larger one."""
+        return self._dr.maximum(x, y)
+
+    def dot(self, a: Any, b: Any) -> Any:
+        """Sum of the four products."""
+        return self._dr.dot(a, b)
 
     def packet(self, table: Any, number: Any) -> Any:
         """A vector of four numbers."""

@@ -60,11 +60,25 @@ class Place(NamedTuple):
 class NumPy:
     """`Arithmetic` of NumPy: packets are (4, points)."""
 
-    sqrt = staticmethod(np.sqrt)
-    log1p = staticmethod(np.log1p)
-    asinh = staticmethod(np.arcsinh)
-    clip = staticmethod(np.clip)
-    maximum = staticmethod(np.maximum)
+    def sqrt(self, x: Any) -> Any:
+        """Square root."""
+        return np.sqrt(x)
+
+    def log1p(self, x: Any) -> Any:
+        """Logarithm of 1 + x."""
+        return np.log1p(x)
+
+    def asinh(self, x: Any) -> Any:
+        """Inverse hyperbolic sine."""
+        return np.arcsinh(x)
+
+    def clip(self, x: Any, low: float, high: float) -> Any:
+        """Within [low, high]."""
+        return np.clip(x, low, high)
+
+    def maximum(self, x: Any, y: Any) -> Any:
+        """The larger one."""
+        return np.maximum(x, y)
 
     def packet(self, table: np.ndarray, number: Any) -> np.ndarray:
         """(4, points)."""

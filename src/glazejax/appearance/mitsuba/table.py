@@ -1,9 +1,9 @@
 """The body of a glaze as a table that a renderer can look up at any angles, wavelength, thickness and fraction.
 
 All of a glaze's reflectances, whatever the wavelength or thickness, are close to sums of a few shapes over the two
-angles. The table keeps the shapes (symmetric in the angles, so that reciprocity is exact), and how much of each there is
-at every wavelength, thickness and fraction. Its error is measured at points of its own, through the same lookup that
-renders.
+angles. The table keeps the shapes (symmetric in the angles, so that reciprocity is exact), and how much of each there
+is at every wavelength, thickness and fraction. Its error is measured at points of its own, through the same lookup
+that renders.
 """
 
 from dataclasses import dataclass, replace
@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
-
 from numpy.polynomial import chebyshev
 
 from ...chebyshev_table import SAFETY, Axis, Mirrored, coefficients_from_nodes, extrema
@@ -365,14 +364,13 @@ def _error(body: Body, solver: Solver, ground: np.ndarray | None) -> float:
     for name, axis in body.axes.items():
         even = rng.uniform(axis.low, axis.high, _CHECKS)
         points[name] = np.where(rng.random(_CHECKS) < 0.5, even, axis.point(rng.uniform(-1.0, 1.0, _CHECKS)))
-    level = rng.random(_CHECKS)[:, None, None] if ground is None else ground
-    cosines = [x[:, None, None] for x in (a, b)]
-    if not points:
-        cosines = [x[:, 0] for x in cosines]
-        level = level if ground is not None else level[:, 0]
-    truth = solver.factor(points, *cosines, level).reshape(_CHECKS, -1)
+    drawn = rng.random(_CHECKS)
+    # One stack for all checks, or one for each.
+    wide = (slice(None), None, None) if points else (slice(None), None)
+    level = drawn[wide] if ground is None else ground
+    truth = solver.factor(points, a[wide], b[wide], level).reshape(_CHECKS, -1)
     waves = [np.full(_CHECKS, w) for w in body.wavelengths]
-    given = None if ground is not None else [level.reshape(-1)] * body.bands
+    given = None if ground is not None else [drawn] * body.bands
     here = at_point(NUMPY, body, points, waves, given)
     found = np.stack(reflectance_factor(NUMPY, body, here, a, b), axis=-1)
     return SAFETY * float(np.max(np.abs(found - truth) * bounded(body.surface, a, b)[:, None]))
