@@ -180,6 +180,8 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--out": Looked("appearance/test_scene_file.py:test_the_command_writes_a_picture_and_its_spectra"),
         "--spectral": Looked("appearance/test_scene_file.py:test_the_command_writes_a_picture_and_its_spectra"),
         "--size": Looked("appearance/test_scene_file.py:test_the_command_writes_a_picture_and_its_spectra"),
+        "--renderer": Looked("appearance/test_scene_file.py:test_the_command_path_traces"),
+        "--samples": Looked("appearance/test_scene_file.py:test_the_command_path_traces"),
         "--overwrite": Looked("appearance/test_scene_file.py:test_the_command_writes_a_picture_and_its_spectra"),
         "--example": Looked("appearance/test_scene_file.py:test_the_example_is_printed"),
     },

@@ -9,10 +9,11 @@ import trimesh
 from typer.testing import CliRunner
 
 from glazejax.appearance.scene import file as scene_file
-from glazejax.appearance.scene.lights import PointLight
-from glazejax.appearance.scene.materials import Conductor
+from glazejax.appearance.scene.lights import AreaLight, PointLight
+from glazejax.appearance.scene.materials import Conductor, Glazed
 from glazejax.appearance.scene.render import render
 from glazejax.appearance.scene.shapes import Box, Mesh, Plane, Sphere
+from glazejax.colour import colour_weights
 from glazejax.commands import main as cli
 from glazejax.commands import scene as cli_scene
 
@@ -116,6 +117,21 @@ def test_a_small_scene_is_what_its_file_says(write):
         ('illuminant = "D65"', "", r"\[lights.sun\] illuminant: give either illuminant"),
         ('illuminant = "D65"', 'spectrum = "lamp.csv"', r"\[lights.sun\] spectrum: there is no file .*lamp.csv"),
         ("direction = [0, 1, -1]", "", r"\[lights.sun\] position: give either position"),
+        ("direction = [0, 1, -1]", 'shape = "disc"', r"\[lights.sun\] shape: 'disc' must be one of rectangle, sphere"),
+        (
+            "direction = [0, 1, -1]",
+            'shape = "rectangle"\ncentre = [0, 0, 9]\nnormal = [0, 0, -1]',
+            r"\[lights.sun\] size: is missing: an area light has a width and a height",
+        ),
+        ("direction = [0, 1, -1]", 'shape = "sphere"\ncentre = [0, 0, 9]', r"\[lights.sun\]: radius is missing"),
+        ('layers = "U', 'roughness = 2\nlayers = "U', r"\[materials.paint\] roughness: roughness must be 0 \(smooth\)"),
+        ("normal = [0, 0, 1]", 'normal = [0, 0, 1]\nrelief = "no.npy"', r"\[objects.floor\] relief: there is no file"),
+        ("normal = [0, 0, 1]", 'normal = [0, 0, 1]\nrelief = "no.png"', r"\[objects.floor\]: relief_height is missing"),
+        (
+            "normal = [0, 0, 1]",
+            "normal = [0, 0, 1]\nrelief_height = 1",
+            r"relief_height: has no meaning without relief",
+        ),
         ("direction = [0, 1, -1]", "direction = [0, 0, 0]", r"\[lights.sun\]: direction is \(0, 0, 0\)"),
         ("reflectance = 0.5", "reflectance = 50", r"reflectance: must lie between 0 and 1, not 50; 50 percent is 0.5"),
         ("reflectance = 0.5", 'reflectance = "red.csv"', r"\[materials.grey\] reflectance: 'red.csv' is neither"),
@@ -219,6 +235,53 @@ def test_meshes_are_read_and_placed(write, tmp_path):
         scene_file.read_scene(write(text))
 
 
+def test_area_lights_relief_and_roughness_are_read(write, tmp_path):
+    heights = np.linspace(-1, 1, 12).reshape(3, 4)
+    np.save(tmp_path / "strokes.npy", heights)
+    text = SMALL.replace("direction = [0, 1, -1]", 'shape = "sphere"\ncentre = [1, 2, 9]\nradius = 0.5\nstrength = 3')
+    text = text.replace(
+        "[materials.grey]",
+        '[lights.window]\nilluminant = "A"\nshape = "rectangle"\ncentre = [-4, 0, 3]\nnormal = [1, 0, 0]\n'
+        "size = [2, 3]\n[materials.grey]",
+    )
+    text = text.replace('layers = "U', 'roughness = 0.25\nlayers = "U')
+    relief = 'normal = [0, 0, 1]\nsize = [4, 3]\nrelief = "strokes.npy"\nrelief_height = 0.02'
+    text = text.replace("normal = [0, 0, 1]\nmaterial", relief + "\nmaterial")
+    scene = scene_file.read_scene(write(text)).scene
+    bulb, window = scene.lights
+    assert isinstance(bulb, AreaLight)
+    assert isinstance(window, AreaLight)
+    assert isinstance(bulb.shape, Sphere)
+    assert isinstance(window.shape, Plane)
+    assert bulb.shape.radius == 0.5
+    assert list(window.shape.size or ()) == [2, 3]
+    # Luminance of the lamps themselves.
+    luminance = scene.light_spectra() @ colour_weights(scene.wavelengths, "E")[:, 1]
+    np.testing.assert_allclose(luminance, [3.0, 1.0])
+    paint = scene.materials["paint"]
+    assert isinstance(paint, Glazed)
+    assert paint.roughness == 0.25
+    (floor,) = (shape for shape in scene.shapes if isinstance(shape, Plane))
+    np.testing.assert_allclose(np.asarray(floor.relief), 0.02 * heights)
+    beyond = scene.needs_path_tracing()
+    assert beyond == "area lights and relief and glazes with a rough surface"
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        (np.zeros(5), r"\[objects.floor\] relief: .*must hold finite numbers \(h, w\), not float64 \(5,\)"),
+        (np.zeros((1, 5)), r"\[objects.floor\]: a relief must be a map of heights \(h, w\), at least 2 x 2"),
+        (np.full((3, 3), np.inf), r"\[objects.floor\] relief: .*finite"),
+        (np.zeros((3, 3)), r"\[objects.floor\]: a plane with a relief needs a size"),
+    ],
+)
+def test_what_is_no_relief(write, tmp_path, values, words):
+    np.save(tmp_path / "r.npy", values)
+    with pytest.raises(ValueError, match=words):
+        scene_file.read_scene(write(SMALL.replace("normal = [0, 0, 1]", 'normal = [0, 0, 1]\nrelief = "r.npy"')))
+
+
 def run(*arguments):
     """The command as the shell runs it, errors as exceptions."""
     import typer
@@ -258,12 +321,79 @@ def test_the_command_writes_a_picture_and_its_spectra(write, tmp_path, quiet_sta
         (["none.toml", "-o", "a.jpg"], "written as .png"),
         (["none.toml", "--spectral", "a.txt"], "written as .npz or .exr"),
         (["none.toml", "-o", "none/a.png"], "does not exist"),
+        (["none.toml", "--renderer", "blender"], "--renderer 'blender' must be one of raycast, mitsuba"),
+        (["none.toml", "--samples", "9"], "--samples belongs to --renderer mitsuba"),
     ],
 )
 def test_what_the_command_refuses(arguments, words, quiet_start, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = run(*arguments)
     assert words in str(done.exception)
+
+
+LIT = SMALL.replace("direction = [0, 1, -1]", 'shape = "sphere"\ncentre = [2, -3, 4]\nradius = 0.5\nstrength = 40')
+
+
+def test_the_command_path_traces(write, tmp_path, quiet_start):
+    pytest.importorskip("mitsuba", reason="Mitsuba is not installed (extra render)")
+    out = tmp_path / "a.png"
+    done = run(write(LIT), "-o", out, "--renderer", "mitsuba", "--samples", "16")
+    assert done.exit_code == 0, done.output
+    assert out.is_file()
+    assert "paths: 16 of each pixel" in done.output
+    assert "noise: " in done.output
+    for arguments, words in (
+        (["--spectral", tmp_path / "s.npz"], "--spectral belongs to --renderer raycast"),
+        (["--samples", 0], "--samples must be 1 to 1048576, not 0"),
+    ):
+        refused = run(write(LIT), "-o", out, "--overwrite", "--renderer", "mitsuba", *arguments)
+        assert words in str(refused.exception)
+
+
+def test_the_example_by_a_window_is_for_the_path_tracer():
+    found = scene_file.read_scene(Path(__file__).parents[2] / "docs" / "window.toml")
+    assert found.scene.needs_path_tracing() == "area lights and glazes with a rough surface"
+
+
+def test_the_ray_caster_names_the_other_renderer(write, tmp_path, quiet_start):
+    done = run(write(LIT), "-o", tmp_path / "a.png")
+    assert "my.toml: the ray caster cannot draw area lights: add --renderer mitsuba" in str(done.exception)
+    assert not (tmp_path / "a.png").exists()
+
+
+def test_a_missing_mitsuba_is_named_with_its_extra(write, tmp_path, quiet_start, monkeypatch):
+    from importlib.metadata import PackageNotFoundError
+
+    from glazejax import extras
+
+    def missing(name):
+        raise PackageNotFoundError(name)
+
+    monkeypatch.setattr(extras, "distribution", missing)
+    done = run(write(LIT), "-o", tmp_path / "a.png", "--renderer", "mitsuba")
+    assert 'pip install "glazejax[render]"' in str(done.exception)
+
+
+def test_a_path_traced_picture_that_was_interrupted_says_so(write, tmp_path, quiet_start, monkeypatch):
+    pytest.importorskip("mitsuba", reason="Mitsuba is not installed (extra render)")
+    from glazejax.appearance.scene import path_trace as tracing
+
+    mean = tracing._mean
+
+    def interrupted(scene, report, each, one, told):
+        def stops(number):
+            if number == 1:
+                raise KeyboardInterrupt
+            return one(number)
+
+        return mean(scene, report, each, stops, told)
+
+    monkeypatch.setattr(tracing, "_mean", interrupted)
+    out = tmp_path / "part.png"
+    done = run(write(LIT), "-o", out, "--renderer", "mitsuba", "--samples", "16")
+    assert done.exit_code == 130
+    assert out.is_file()
+    assert "25% of the paths are followed, so that noise is left" in done.output
 
 
 def test_an_interrupted_command_writes_what_is_done(write, tmp_path, quiet_start, monkeypatch):

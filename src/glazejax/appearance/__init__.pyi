@@ -12,6 +12,7 @@ from .glaze.table import glaze_table as glaze_table
 from .metals import Metal as Metal
 from .metals import metal as metal
 from .scene.file import read_scene as read_scene
+from .scene.lights import AreaLight as AreaLight
 from .scene.lights import ParallelLight as ParallelLight
 from .scene.lights import PointLight as PointLight
 from .scene.lights import lamp as lamp
@@ -22,6 +23,7 @@ from .scene.materials import Lambert as Lambert
 from .scene.materials import Material as Material
 from .scene.materials import Phong as Phong
 from .scene.mesh import read_mesh as read_mesh
+from .scene.path_trace import path_trace as path_trace
 from .scene.picture import light_white as light_white
 from .scene.picture import picture_xyz as picture_xyz
 from .scene.picture import save_png as save_png

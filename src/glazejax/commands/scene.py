@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from ..appearance.scene.render import Rendered
 
 
+RENDERERS = ("raycast", "mitsuba")
+_SAMPLES, _MOST_SAMPLES = 256, 1 << 20
+
+
 def register(app: typer.Typer) -> None:
     """Add the command `scene` to the application."""
     app.command("scene")(scene)
@@ -34,6 +38,20 @@ def scene(
             help="WIDTHxHEIGHT in pixels instead of the file's: 160x120 for a quick look.", show_default=False
         ),
     ] = None,
+    renderer: Annotated[
+        str,
+        typer.Option(
+            help="raycast: lamps, shadows, mirrors; mitsuba: path tracing, with soft shadows, area lights, relief and "
+            "light between all surfaces (extra `render`)."
+        ),
+    ] = "raycast",
+    samples: Annotated[
+        int | None,
+        typer.Option(
+            help=f"Rays of a pixel with --renderer mitsuba; four times as many halve the noise.  [default: {_SAMPLES}]",
+            show_default=False,
+        ),
+    ] = None,
     overwrite: options.Overwrite = False,
     example: Annotated[bool, typer.Option("--example", help="Print a scene file to start from, and stop.")] = False,
 ) -> None:
@@ -46,6 +64,7 @@ def scene(
 
     Example: glazejax scene --example > scene.toml
              glazejax scene scene.toml -o scene.png
+             glazejax scene scene.toml --renderer mitsuba --samples 1024
     """
     if example:
         from ..appearance.scene.file import example as text
@@ -54,6 +73,7 @@ def scene(
         return
     if file is None:
         raise ValueError("name a scene file; glazejax scene --example prints one to start from")
+    _check_renderer(renderer, samples, spectral)
     _check_output(out, spectral, overwrite)
     from .main import start_jax
 
@@ -67,7 +87,10 @@ def scene(
     typer.echo(f"scene  {file}: {describe(found)}")
     for note in found.notes:
         typer.echo(f"note   {note}", err=True)
-    rendered = _render(found, spectral is not None)
+    beyond = found.scene.needs_path_tracing() if renderer == "raycast" else None
+    if beyond is not None:
+        raise ValueError(f"{file}: the ray caster cannot draw {beyond}: add --renderer mitsuba")
+    rendered = _render(found, spectral is not None, _SAMPLES if samples is None else samples, renderer)
     if rendered.done == 0:
         typer.echo("stopped before the first pixel: nothing is written", err=True)
         raise typer.Exit(INTERRUPTED)
@@ -75,11 +98,31 @@ def scene(
     files = str(out) if spectral is None else f"{out} and {spectral}"
     typer.echo(f"wrote  {files} in {time.perf_counter() - started:.1f} s")
     if rendered.done < 1:
+        if renderer == "mitsuba":
+            typer.echo(f"stopped: {rendered.done:.0%} of the paths are followed, so that noise is left", err=True)
+            raise typer.Exit(INTERRUPTED)
         words = f"{rendered.done:.0%} of the picture is finished, the rest is grey"
         if rendered.done > 0.99:
             words = "every pixel is there, but not all edges and highlights are smooth"
         typer.echo(f"stopped: {words}", err=True)
         raise typer.Exit(INTERRUPTED)
+
+
+def _check_renderer(renderer: str, samples: int | None, spectral: Path | None) -> None:
+    """Refuse what a renderer does not know, before anything is computed."""
+    if renderer not in RENDERERS:
+        raise ValueError(f"--renderer {renderer!r} must be one of {', '.join(RENDERERS)}")
+    if renderer == "raycast":
+        if samples is not None:
+            raise ValueError("--samples belongs to --renderer mitsuba; the ray caster's are antialias in the file")
+        return
+    from ..extras import require
+
+    require("mitsuba")
+    if spectral is not None:
+        raise ValueError("--spectral belongs to --renderer raycast; of Mitsuba's picture only its colours are kept")
+    if samples is not None and not 1 <= samples <= _MOST_SAMPLES:
+        raise ValueError(f"--samples must be 1 to {_MOST_SAMPLES}, not {samples}")
 
 
 def _check_output(out: Path, spectral: Path | None, overwrite: bool) -> None:
@@ -110,7 +153,7 @@ def _resized(found: "SceneFile", text: str) -> "SceneFile":
         raise ValueError(f"--size {text!r}: {error}") from None
 
 
-def _render(found: "SceneFile", spectral: bool) -> "Rendered":
+def _render(found: "SceneFile", spectral: bool, samples: int, renderer: str) -> "Rendered":
     """The picture, with a progress bar on the terminal."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
@@ -124,6 +167,10 @@ def _render(found: "SceneFile", spectral: bool) -> "Rendered":
         def told(share: float, words: str) -> None:
             bar.update(task, completed=share, description=words)
 
+        if renderer == "mitsuba":
+            from ..appearance.scene.path_trace import path_trace
+
+            return path_trace(found.scene, samples=samples, tolerance=found.tolerance, progress=told)
         return render(found.scene, spectral=spectral, tolerance=found.tolerance, progress=told)
 
 
@@ -151,6 +198,8 @@ def _write(found: "SceneFile", rendered: "Rendered", out: Path, spectral: Path |
     save_png(out, screen.rgb)
     for line in rendered.report.describe().splitlines():
         typer.echo(f"       {line}")
+    for note in rendered.report.notes:
+        typer.echo(f"note   {note}", err=True)
     if screen.bright > 0:
         words = f"{screen.bright:.1%} of the pixels are brighter than the screen's white; a lower exposure shows them"
         typer.echo(f"note   {words}", err=True)

@@ -1,3 +1,4 @@
+from .lights import AreaLight as AreaLight
 from .lights import Light as Light
 from .lights import ParallelLight as ParallelLight
 from .lights import PointLight as PointLight

@@ -19,9 +19,9 @@ from ...colour import colour_weights
 from ...io.source import opened, shown
 from ...spectra import describe_grid, validate_wavelengths
 from ..display.display import Display
-from .file_materials import read_material, read_reflectance
+from .file_materials import read_heights, read_material, read_reflectance
 from .file_table import TomlTable
-from .lights import Light, ParallelLight, PointLight, lamp, measured_lamp
+from .lights import AreaLight, Light, ParallelLight, PointLight, lamp, measured_lamp
 from .scene import Camera, Scene
 from .shapes import Box, Plane, Shape, Sphere
 
@@ -155,13 +155,55 @@ def _light(table: TomlTable, grid: np.ndarray, folder: Path) -> Light:
         raise table.error("illuminant", 'give either illuminant = "D65" or spectrum = "lamp.csv"')
     with table.blamed("illuminant" if name else "spectrum"):
         spectrum = lamp(name, grid, strength) if name else measured_lamp(folder / file, grid, strength)
+    if table.has("shape"):
+        return _area_light(table, spectrum)
     place, way = table.vector("position", None), table.vector("direction", None)
     if (place is None) == (way is None):
-        raise table.error("position", "give either position, of a point light, or direction, the way the light travels")
+        words = "give either position, of a point light, or direction, the way the light travels, or shape"
+        raise table.error("position", f'{words} = "rectangle" or "sphere", of a thing that shines')
     table.done()
     if place is not None:
         return _build(table, PointLight, position=place, spectrum=spectrum)
     return _build(table, ParallelLight, direction=way, spectrum=spectrum)
+
+
+def _area_light(table: TomlTable, spectrum: np.ndarray) -> AreaLight:
+    """A rectangle or a sphere that shines."""
+    if table.choice("shape", ("rectangle", "sphere")) == "sphere":
+        shape: Plane | Sphere = _build(table, Sphere, material="", **_sphere(table))
+    else:
+        if not table.has("size"):
+            raise table.error("size", "is missing: an area light has a width and a height, such as [1.0, 1.5]")
+        shape = _build(table, Plane, material="", **_plane(table))
+    table.done()
+    return _build(table, AreaLight, shape=shape, spectrum=spectrum)
+
+
+def _sphere(table: TomlTable) -> dict[str, Any]:
+    return {"centre": table.vector("centre"), "radius": table.above_zero("radius")}
+
+
+def _plane(table: TomlTable) -> dict[str, Any]:
+    return {
+        "point": table.vector("centre"),
+        "normal": table.vector("normal"),
+        "size": table.numbers("size", 2, None),
+        "up": table.vector("up", (0.0, 0.0, 1.0)),
+    }
+
+
+def _relief(table: TomlTable, folder: Path) -> np.ndarray | None:
+    """Heights of a plane in the scene's unit of length; None if it is flat."""
+    file = table.text("relief", "")
+    if not file:
+        if table.has("relief_height"):
+            raise table.error("relief_height", 'has no meaning without relief, a map of heights such as "strokes.npy"')
+        return None
+    # An array may hold lengths already; a picture cannot.
+    array = file.lower().endswith(".npy")
+    height = table.number("relief_height", 1.0) if array else table.number("relief_height")
+    with table.blamed("relief"):
+        return height * read_heights(folder / file)
 
 
 def _background(picture: TomlTable, grid: np.ndarray, lights: dict[str, Light], folder: Path) -> np.ndarray:
@@ -189,15 +231,10 @@ def _shape(table: TomlTable, materials: list[str], folder: Path) -> Shape:
     kind = table.choice("shape", ("sphere", "plane", "box", "mesh"))
     material = table.choice("material", materials)
     if kind == "sphere":
-        values = {"centre": table.vector("centre"), "radius": table.above_zero("radius")}
+        values = _sphere(table)
         maker: Callable[..., Shape] = Sphere
     elif kind == "plane":
-        values = {
-            "point": table.vector("centre"),
-            "normal": table.vector("normal"),
-            "size": table.numbers("size", 2, None),
-            "up": table.vector("up", (0.0, 0.0, 1.0)),
-        }
+        values = _plane(table) | {"relief": _relief(table, folder)}
         maker = Plane
     elif kind == "box":
         values = {

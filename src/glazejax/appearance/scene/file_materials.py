@@ -71,8 +71,10 @@ def _glaze(table: TomlTable, grid: np.ndarray, folder: Path) -> Glazed:
         layers = [Layer(medium, coat.total) for medium, coat in zip(media, coats, strict=True)]
         glaze = Glaze(layers, ground, index)
     gloss = table.flag("gloss", True)
+    roughness = table.number("roughness", 0.0)
     thickness, layer = _thickness(table, len(layers), folder)
-    return Glazed(glaze, thickness, layer, gloss)
+    with table.blamed("roughness"):
+        return Glazed(glaze, thickness, layer, gloss, roughness)
 
 
 def _thickness(table: TomlTable, layers: int, folder: Path) -> tuple[np.ndarray | None, int]:
@@ -100,8 +102,21 @@ def _thickness(table: TomlTable, layers: int, folder: Path) -> tuple[np.ndarray 
     return found, layer - 1
 
 
-def read_grey(path: Path) -> Float[np.ndarray, "h w"]:
+def read_heights(path: Path) -> Float[np.ndarray, "h w"]:
+    """A map of heights: a grey PNG from 0 (black) to 1 (white), or an .npy array of any finite numbers as it is.
+
+    Raises:
+        FileNotFoundError, ValueError: see `read_grey`.
+    """
+    return read_grey(path, heights=True)
+
+
+def read_grey(path: Path, *, heights: bool = False) -> Float[np.ndarray, "h w"]:
     """A map from 0 to 1: a grey PNG (colours are averaged, no gamma is undone), or an .npy array as it is.
+
+    Args:
+        path: the file.
+        heights: an array may hold any finite numbers.
 
     Raises:
         FileNotFoundError: no such file.
@@ -122,7 +137,7 @@ def read_grey(path: Path) -> Float[np.ndarray, "h w"]:
         values = np.array(values, float)
         if not np.all(np.isfinite(values)):
             raise refusal(path, "must hold finite numbers (h, w); some are not")
-        if values.min() < 0 or values.max() > 1:
+        if not heights and (values.min() < 0 or values.max() > 1):
             raise refusal(path, f"must hold 0 to 1, not {values.min():g} to {values.max():g}")
         return values
     require("matplotlib")

@@ -80,6 +80,11 @@ class TomlTable:
             raise self.error("", f"{key} is missing" + (f"; is {near[0]!r} meant to be it?" if near else ""))
         return default
 
+    def has(self, key: str) -> bool:
+        """Whether a key is there; it need not be asked for otherwise."""
+        self._used.append(key)
+        return key in self._content
+
     def table(self, key: str, default: Any = _REQUIRED) -> "TomlTable":
         """A table inside this one."""
         value = self._get(key, default)

@@ -14,7 +14,7 @@ from jaxtyping import Float
 from ...cie import illuminants
 from ...colour import CIE_1931, colour_weights, find_illuminant
 from ...spectra import Grid, Numbers, describe_grid, validate_wavelengths
-from .shapes import vector
+from .shapes import Plane, Shape, Sphere, vector
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,33 @@ class PointLight:
         vector("position", self.position)
 
 
-Light = ParallelLight | PointLight
+@dataclass(frozen=True)
+class AreaLight:
+    """A thing that shines: a window, a lamp's globe. Shadows under it are soft. For `path_trace` alone.
+
+    Args:
+        shape: a rectangle (`Plane` with a size), which shines to the side of its normal and is black behind, or a
+            `Sphere`. Its material plays no part.
+        spectrum: (bands,), radiance of the shining surface: with that of `lamp` at strength 1 it looks as bright as
+            a perfect white that faces a light of strength 1.
+
+    Raises:
+        ValueError: another shape, or a plane without a size.
+    """
+
+    shape: Shape
+    spectrum: Numbers
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.shape, Plane | Sphere):
+            raise ValueError(f"an area light is a rectangle or a sphere, not a {type(self.shape).__name__}")
+        if isinstance(self.shape, Plane) and self.shape.size is None:
+            raise ValueError("an area light needs a size, its width and height: an endless plane cannot shine")
+        if isinstance(self.shape, Plane) and self.shape.relief is not None:
+            raise ValueError("an area light is flat: leave its relief out")
+
+
+Light = ParallelLight | PointLight | AreaLight
 
 
 def lamp(name: str, wavelengths: Grid, strength: float = 1.0) -> Float[np.ndarray, "bands"]:

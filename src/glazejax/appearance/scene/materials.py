@@ -280,19 +280,26 @@ class _GlazedSurface:
 
 
 class Glazed(_GlazedSurface, Material):
-    """Layers of paint on a ground, under one smooth surface, by the many-layer solver.
+    """Layers of paint on a ground, under one surface, by the many-layer solver.
 
     Args:
         glaze: without batch axes.
         thickness: (h, w), m, of one layer over the texture coordinates, first row on top; None if it is even.
         layer: which layer that is, 0 for the top one.
         gloss: whether the surface mirrors what is around.
+        roughness: of the surface, GGX's alpha from 0 (smooth) to 1, as Mitsuba counts it; above 0 for `path_trace`
+            alone.
     """
 
     glaze: Glaze
     thickness: Float[Array | np.ndarray, "h w"] | None = None
     layer: int = eqx.field(static=True, default=0)
     gloss: bool = eqx.field(static=True, default=True)
+    roughness: float = eqx.field(static=True, default=0.0)
+
+    def __check_init__(self) -> None:
+        if not 0 <= self.roughness <= 1:
+            raise ValueError(f"roughness must be 0 (smooth) to 1, GGX's alpha, not {self.roughness:g}")
 
     def check(self, name: str, wavelengths: Float[np.ndarray, "bands"]) -> None:
         """Refuse another grid, what no table can be made of, or a map that is none.
@@ -331,7 +338,7 @@ class Glazed(_GlazedSurface, Material):
         else:
             layers = []
         glaze = Glaze(layers, part(glaze.substrate), part(glaze.refractive_index))
-        return Glazed(glaze, self.thickness, self.layer, self.gloss)
+        return Glazed(glaze, self.thickness, self.layer, self.gloss, self.roughness)
 
     def prepare(self, wavelengths: Float[np.ndarray, "bands"], seen: SeenRanges, tolerance: float) -> "GlazedTable":
         """Its reflectance factor as a table, for the angles and thicknesses that are seen."""

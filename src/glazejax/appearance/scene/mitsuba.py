@@ -1,7 +1,8 @@
-"""A whole scene for Mitsuba 3: the same shapes, lights and camera, with glazes as measured BSDFs.
+"""A whole scene for Mitsuba 3: the same shapes, lights and camera, with glazes through the plugin.
 
-What Mitsuba adds is light between diffuse things, area lights and everything else that this program's ray caster
-leaves out. Rough metals and Phong's model have no counterpart there that is the same, and are refused.
+What Mitsuba adds is light between diffuse things, area lights, relief and everything else that this program's ray
+caster leaves out. Rough metals, estimates of a metal's reflectance and Phong's model have no counterpart there that is
+the same: they are refused, or become the nearest there is, and that is said.
 """
 
 from pathlib import Path
@@ -12,15 +13,11 @@ from jaxtyping import Float
 
 from ...extras import require
 from ...spectra import Numbers
-from ..glaze.mitsuba import export_glaze
-from .intersect import plane_frame, rotation
-from .lights import Light, PointLight
-from .materials import Conductor, Glazed, Lambert, Material
+from .lights import AreaLight, Light, PointLight
+from .materials import Conductor, Glazed, Lambert, Material, Phong
+from .mitsuba_shapes import mitsuba_shape, numbers, sphere_map
 from .scene import Scene
-from .shapes import Box, Mesh, Plane, Shape, Sphere
-
-# Half the side of the rectangle that stands for an endless plane.
-_ENDLESS = 100.0
+from .shapes import Sphere
 
 
 def mitsuba_scene(
@@ -31,28 +28,33 @@ def mitsuba_scene(
     max_depth: int = -1,
     gloss: bool = True,
     background: bool = False,
+    tolerance: float = 1e-3,
+    notes: list[str] | None = None,
 ) -> dict[str, Any]:
     """Dictionary for `mitsuba.load_dict`; a spectral variant must be set.
 
     Args:
-        scene: what there is; glazes of even thickness.
-        folder: where the tables of glazes and the meshes are written; files of the same names are replaced.
+        scene: what there is.
+        folder: where meshes are written; files of the same names are replaced.
         samples: rays of a pixel, best a square.
         max_depth: of paths: 2 for direct light alone, -1 for everything.
         gloss: glazes with their mirror reflection.
         background: light from all around with the scene's background; here it lights things, as in
             `render` only where the scene follows diffuse bounces.
+        tolerance: absolute error wanted of a glaze's reflectance factor.
+        notes: materials that Mitsuba has no counterpart of become the nearest there is, with a sentence each added
+            to this list; they are refused if it is left out.
 
     Returns:
-        The scene; its film is XYZ, on the scale of `scene_picture.picture_xyz`.
+        The scene; its film is XYZ, on the scale of `picture.picture_xyz`.
 
     Raises:
         FileNotFoundError: the folder does not exist.
-        ValueError: a material that Mitsuba has no counterpart of, or a thickness map.
+        ValueError: a material that Mitsuba has no counterpart of.
     """
     folder = Path(folder)
     if not folder.is_dir():
-        raise FileNotFoundError(f"the folder {folder} for tables and meshes does not exist")
+        raise FileNotFoundError(f"the folder {folder} for meshes does not exist")
     require("mitsuba")
     import mitsuba as mi  # pyright: ignore[reportMissingImports]
 
@@ -65,7 +67,8 @@ def mitsuba_scene(
     )
     found: dict[str, Any] = {
         "type": "scene",
-        "integrator": {"type": "path", "max_depth": max_depth, "rr_depth": 1000},
+        # Paths without an end need Russian roulette, or they go on between white walls.
+        "integrator": {"type": "path", "max_depth": max_depth, "rr_depth": 1000 if max_depth > 0 else 8},
         "sensor": {
             "type": "perspective",
             "fov": float(camera.field_of_view),
@@ -82,43 +85,97 @@ def mitsuba_scene(
             },
         },
     }
-    used = dict.fromkeys(shape.material for shape in scene.shapes)
-    for number, name in enumerate(used):
-        path = folder / f"material_{number}.bsdf"
-        found[f"material_{number}"] = _bsdf(name, scene.materials[name], grid, path, gloss) | {"id": f"m{number}"}
-    numbers = {name: number for number, name in enumerate(used)}
+    # A map lies on a sphere another way round than on the rest, so that a material may be needed in both ways.
+    known: dict[tuple[str, bool], str] = {}
     for k, shape in enumerate(scene.shapes):
-        body = _shape(shape, folder / f"mesh_{k}.obj")
-        found[f"shape_{k}"] = body | {"bsdf": {"type": "ref", "id": f"m{numbers[shape.material]}"}}
+        material = scene.materials[shape.material]
+        mapped = material.thickness_map is not None
+        key = (shape.material, mapped and isinstance(shape, Sphere))
+        if key not in known:
+            known[key] = f"m{len(known)}"
+            bsdf = _bsdf(shape.material, material, grid, key[1], gloss, tolerance, notes)
+            found[f"material_{known[key]}"] = bsdf | {"id": known[key]}
+        body = mitsuba_shape(shape, folder / f"mesh_{k}.ply", mapped=mapped)
+        found[f"shape_{k}"] = body | {"bsdf": {"type": "ref", "id": known[key]}}
     for k, light in enumerate(scene.lights):
-        found[f"light_{k}"] = _light(light, grid)
+        found[f"light_{k}"] = _light(light, grid, folder / f"light_{k}.ply")
     if background and np.any(scene.background_spectrum() > 0):
         found["background"] = {"type": "constant", "radiance": spectrum(scene.background_spectrum(), grid)}
     return found
 
 
 def spectrum(values: Numbers, wavelengths: Float[np.ndarray, "bands"]) -> dict[str, Any]:
-    """A spectrum as Mitsuba's `irregular`: linear between the bands, nothing beyond them."""
+    """A spectrum for Mitsuba: linear between the bands, nothing beyond them."""
     values = np.broadcast_to(np.asarray(values, float), wavelengths.shape)
-    return {
-        "type": "irregular",
-        "wavelengths": ",".join(f"{w:.9g}" for w in wavelengths),
-        "values": ",".join(f"{v:.9g}" for v in values),
-    }
+    words = ",".join(f"{v:.9g}" for v in values)
+    steps = np.diff(wavelengths)
+    if steps.size and np.ptp(steps) < 1e-9 * steps[0]:
+        ends = {"wavelength_min": float(wavelengths[0]), "wavelength_max": float(wavelengths[-1])}
+        return {"type": "regular", "values": words, **ends}
+    return {"type": "irregular", "wavelengths": ",".join(f"{w:.9g}" for w in wavelengths), "values": words}
 
 
-def _bsdf(name: str, material: Material, grid: np.ndarray, path: Path, gloss: bool) -> dict[str, Any]:
+def _bsdf(
+    name: str,
+    material: Material,
+    grid: np.ndarray,
+    on_sphere: bool,
+    gloss: bool,
+    tolerance: float,
+    notes: list[str] | None,
+) -> dict[str, Any]:
     if isinstance(material, Lambert):
         return _both_sides({"type": "diffuse", "reflectance": spectrum(material.reflectance, grid)})
     if isinstance(material, Conductor) and material.is_mirror and material.fresnel == "exact":
-        n, k = spectrum(material.refractive_index, grid), spectrum(material.extinction, grid)
-        return _both_sides({"type": "conductor", "eta": n, "k": k})
+        return _both_sides({"type": "conductor"} | _metal(material, grid))
     if isinstance(material, Glazed):
-        if material.thickness is not None:
-            raise ValueError(f"material {name!r} has a thickness map, which Mitsuba's measured BSDF cannot have")
-        shiny = gloss and material.gloss
-        return _both_sides(export_glaze(material.glaze, path, grid, gloss=shiny, overwrite=True))
+        return _both_sides(_glaze(material, grid, on_sphere, gloss, tolerance))
+    if notes is None:
+        raise ValueError(f"material {name!r}: Mitsuba has no counterpart of {_describe(material)}")
+    if isinstance(material, Conductor):
+        notes.append(f"material {name!r}: Mitsuba has no {_describe(material)[2:]}; drawn with {_nearest(material)}")
+        return _both_sides(_near_metal(material, grid))
+    if isinstance(material, Phong):
+        notes.append(f"material {name!r}: Mitsuba has no Phong; drawn as a plastic with a highlight of the same width")
+        width = float(np.sqrt(2.0 / (float(material.exponent) + 2.0)))
+        body = spectrum(material.body, grid)
+        return _both_sides({"type": "roughplastic", "alpha": width, "diffuse_reflectance": body})
     raise ValueError(f"material {name!r}: Mitsuba has no counterpart of {_describe(material)}")
+
+
+def _glaze(material: Glazed, grid: np.ndarray, on_sphere: bool, gloss: bool, tolerance: float) -> dict[str, Any]:
+    from ..mitsuba import glaze_bsdf, register
+
+    register()
+    thickness = None if material.thickness is None else np.asarray(material.thickness, float)
+    if thickness is not None:
+        # The plugin wants the first row at v = 0.
+        thickness = sphere_map(thickness) if on_sphere else thickness[::-1]
+    return glaze_bsdf(
+        material.glaze,
+        roughness=material.roughness,
+        thickness=thickness,
+        layer=material.layer,
+        wavelengths=grid,
+        gloss=gloss and material.gloss,
+        tolerance=tolerance,
+    )
+
+
+def _metal(material: Conductor, grid: np.ndarray) -> dict[str, Any]:
+    return {"eta": spectrum(material.refractive_index, grid), "k": spectrum(material.extinction, grid)}
+
+
+def _near_metal(material: Conductor, grid: np.ndarray) -> dict[str, Any]:
+    """Beckmann's facets, half of them left at the same angle, and the exact reflectance."""
+    if material.is_mirror:
+        return {"type": "conductor"} | _metal(material, grid)
+    alpha = float(np.tan(np.deg2rad(material.roughness)) / np.sqrt(np.log(2.0)))
+    return {"type": "roughconductor", "distribution": "beckmann", "alpha": alpha} | _metal(material, grid)
+
+
+def _nearest(material: Conductor) -> str:
+    return "Beckmann's facets of the same width" if material.roughness else "its exact reflectance"
 
 
 def _describe(material: Material) -> str:
@@ -131,49 +188,13 @@ def _both_sides(bsdf: dict[str, Any]) -> dict[str, Any]:
     return {"type": "twosided", "bsdf": bsdf}
 
 
-def _light(light: Light, grid: np.ndarray) -> dict[str, Any]:
-    """A perfect white has 1/pi of the irradiance as radiance, and here it is to have all of it."""
+def _light(light: Light, grid: np.ndarray, path: Path) -> dict[str, Any]:
+    if isinstance(light, AreaLight):
+        emitter = {"type": "area", "radiance": spectrum(light.spectrum, grid)}
+        black = {"type": "diffuse", "reflectance": {"type": "uniform", "value": 0.0}}
+        return mitsuba_shape(light.shape, path) | {"emitter": emitter, "bsdf": black}
+    # A perfect white has 1/pi of the irradiance as radiance, and here it is to have all of it.
     power = spectrum(np.pi * np.asarray(light.spectrum, float), grid)
     if isinstance(light, PointLight):
-        return {"type": "point", "position": _numbers(light.position), "intensity": power}
-    return {"type": "directional", "direction": _numbers(light.direction), "irradiance": power}
-
-
-def _shape(shape: Shape, path: Path) -> dict[str, Any]:
-    if isinstance(shape, Sphere):
-        return {"type": "sphere", "center": _numbers(shape.centre), "radius": float(shape.radius)}
-    if isinstance(shape, Plane):
-        half = (_ENDLESS, _ENDLESS) if shape.size is None else (shape.size[0] / 2, shape.size[1] / 2)
-        right, up, normal = plane_frame(shape)
-        axes = np.stack([right * half[0], up * half[1], normal], axis=1)
-        return {"type": "rectangle", "to_world": _placed(axes, shape.point)}
-    if isinstance(shape, Box):
-        axes = rotation(np.asarray(shape.rotation, float)) * (np.asarray(shape.size, float) / 2)
-        return {"type": "cube", "to_world": _placed(axes, shape.centre)}
-    return _mesh(shape, path)
-
-
-def _mesh(mesh: Mesh, path: Path) -> dict[str, Any]:
-    """A mesh through an OBJ file."""
-    lines = ["v {:.9g} {:.9g} {:.9g}".format(*v) for v in np.asarray(mesh.vertices)]
-    smooth = mesh.normals is not None
-    if mesh.normals is not None:
-        lines += ["vn {:.9g} {:.9g} {:.9g}".format(*n) for n in np.asarray(mesh.normals)]
-    for face in np.asarray(mesh.faces) + 1:
-        lines.append("f " + " ".join(f"{v}//{v}" if smooth else f"{v}" for v in face))
-    path.write_text("\n".join(lines) + "\n")
-    return {"type": "obj", "filename": str(path), "face_normals": not smooth}
-
-
-def _numbers(values: Numbers) -> list[float]:
-    return [float(v) for v in np.asarray(values)]
-
-
-def _placed(axes: Float[np.ndarray, "3 3"], point: Numbers) -> Any:
-    """Transform with the axes as columns and a point as origin."""
-    require("mitsuba")
-    import mitsuba as mi  # pyright: ignore[reportMissingImports]
-
-    matrix = np.eye(4)
-    matrix[:3, :3], matrix[:3, 3] = axes, np.asarray(point, float)
-    return mi.ScalarTransform4f(matrix.tolist())
+        return {"type": "point", "position": numbers(light.position), "intensity": power}
+    return {"type": "directional", "direction": numbers(light.direction), "irradiance": power}

@@ -15,7 +15,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from .intersect import Geometry, Hit, nearest, surface
-from .lights import Light, PointLight
+from .lights import Light, ParallelLight, PointLight
 from .shapes import vector
 
 # Rays that go through the processor together, and the sizes that fewer of them are filled up to.
@@ -63,12 +63,14 @@ class Level(NamedTuple):
 
 def lamps(lights: Sequence[Light]) -> Lamps:
     """Places of the lights of a scene."""
-    place = [
-        vector("position", light.position)
-        if isinstance(light, PointLight)
-        else -vector("direction", light.direction, direction=True)
-        for light in lights
-    ]
+    place = []
+    for light in lights:
+        if isinstance(light, PointLight):
+            place.append(vector("position", light.position))
+        elif isinstance(light, ParallelLight):
+            place.append(-vector("direction", light.direction, direction=True))
+        else:
+            raise ValueError("an area light has no one place: path_trace draws it")
     return Lamps(np.array(place), tuple(isinstance(light, PointLight) for light in lights))
 
 

@@ -6,7 +6,7 @@ by tile. Pixels that differ strongly from a neighbour (a highlight, a texture) g
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import jax.numpy as jnp
 import numpy as np
@@ -50,6 +50,7 @@ class RenderReport:
     gathered: int = 0
     gather_rays: int = 0
     diffuse_bounces: int = 0
+    notes: list[str] = field(default_factory=list)
 
     @property
     def saved(self) -> float:
@@ -81,7 +82,7 @@ class Rendered:
         spectral: which of the two.
         wavelengths: (bands,), nm, of the bands computed.
         bands: (all bands,), which bands of the scene these are.
-        done: share of the picture that is finished; 1 unless interrupted.
+        done: share of the work that is finished; 1 unless interrupted.
         report: what was computed and what was not.
     """
 
@@ -133,7 +134,13 @@ def render(
 
     Returns:
         `Rendered`. Interrupted from the keyboard, it holds what was done until then.
+
+    Raises:
+        ValueError: the scene has what only `path_trace` draws: area lights, relief or a rough surface of a glaze.
     """
+    beyond = scene.needs_path_tracing()
+    if beyond is not None:
+        raise ValueError(f"the ray caster cannot draw {beyond}: use path_trace, or glazejax scene --renderer mitsuba")
     return _Work(scene, spectral, adaptive, tolerance, progress or (lambda share, words: None)).run()
 
 

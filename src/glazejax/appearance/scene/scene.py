@@ -14,9 +14,9 @@ from jaxtyping import Float
 
 from ...spectra import Grid, Numbers, concrete, validate_wavelengths
 from .intersect import Geometry, make_geometry
-from .lights import Light
-from .materials import Material
-from .shapes import Shape, positive, vector
+from .lights import AreaLight, Light
+from .materials import Glazed, Material
+from .shapes import Plane, Shape, positive, vector
 
 # Pictures beyond are a slip of the hand: 100 megapixels of 31 bands fill the memory of a workstation.
 _MOST_PIXELS = 10**8
@@ -161,6 +161,17 @@ class Scene:
             lights=[replace(light, spectrum=part(light.spectrum)) for light in self.lights],
             background=part(self.background),
         )
+
+    def needs_path_tracing(self) -> str | None:
+        """What of the scene the ray caster cannot draw, in words; None if it can draw all of it."""
+        found = []
+        if any(isinstance(light, AreaLight) for light in self.lights):
+            found.append("area lights")
+        if any(isinstance(shape, Plane) and shape.relief is not None for shape in self.shapes):
+            found.append("relief")
+        if any(isinstance(material, Glazed) and material.roughness > 0 for material in self.materials.values()):
+            found.append("glazes with a rough surface")
+        return " and ".join(found) or None
 
     def rays(self, across: np.ndarray, down: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Rays of the camera through points of the picture.

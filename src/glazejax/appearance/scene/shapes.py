@@ -8,6 +8,9 @@ from jaxtyping import Float, Int
 
 from ...spectra import Numbers
 
+# A relief becomes two triangles a height; this many fill some gigabytes.
+MOST_HEIGHTS = 1 << 24
+
 
 def vector(name: str, values: Numbers, *, direction: bool = False) -> Float[np.ndarray, "3"]:
     """Three finite numbers; with `direction` of length 1 in the end.
@@ -68,9 +71,13 @@ class Plane:
         normal: the side that is painted; the other side looks the same.
         size: width and height of the rectangle; None for an endless plane, whose u and v count units of length.
         up: direction of the height, as far as it lies in the plane; any if it is along the normal.
+        relief: (h, w), how far the surface stands out along the normal, below 0 for what is sunk, in the unit of
+            length of the scene; the first row is on top and the outermost values lie on the rim. For `path_trace`
+            alone.
 
     Raises:
-        ValueError: a vector that is none, or a size that is not above 0.
+        ValueError: a vector that is none, a size that is not above 0, or a relief that is no such map or has no size
+            to lie on.
     """
 
     material: str
@@ -78,6 +85,7 @@ class Plane:
     normal: Numbers = (0.0, 0.0, 1.0)
     size: Sequence[float] | None = None
     up: Numbers = (0.0, 0.0, 1.0)
+    relief: np.ndarray | None = None
 
     def __post_init__(self) -> None:
         vector("point", self.point)
@@ -88,6 +96,26 @@ class Plane:
                 raise ValueError(f"size must be a width and a height, not {self.size!r}")
             for value in self.size:
                 positive("size", value)
+        if self.relief is None:
+            return
+        check_relief(self.relief)
+        if self.size is None:
+            raise ValueError("a plane with a relief needs a size, its width and height")
+
+
+def check_relief(relief: np.ndarray) -> None:
+    """Refuse what is no map of heights.
+
+    Raises:
+        ValueError: not two-dimensional, smaller than 2 x 2, too large, or not finite.
+    """
+    shape = np.shape(relief)
+    if len(shape) != 2 or min(shape) < 2:
+        raise ValueError(f"a relief must be a map of heights (h, w), at least 2 x 2, not of shape {shape}")
+    if shape[0] * shape[1] > MOST_HEIGHTS:
+        raise ValueError(f"a relief of {shape[0]} x {shape[1]} heights is too fine (at most {MOST_HEIGHTS} in all)")
+    if not np.all(np.isfinite(relief)):
+        raise ValueError("a relief must hold finite heights; some are not")
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,142 @@
+"""Shapes of a scene for Mitsuba 3: its own where they have the same coordinates on them, and triangles otherwise."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from jaxtyping import Float
+
+from ...extras import require
+from ...spectra import Numbers
+from .intersect import plane_frame, rotation
+from .shapes import Box, Mesh, Plane, Shape, Sphere
+
+# Half the side of the rectangle that stands for an endless plane.
+_ENDLESS = 100.0
+
+
+def mitsuba_shape(shape: Shape, path: Path, *, mapped: bool = False) -> dict[str, Any]:
+    """A shape for `mitsuba.load_dict`, without its material.
+
+    Args:
+        shape: which.
+        path: file to write triangles to, ``.ply``; replaced if it exists.
+        mapped: its material has a map, so that coordinates on it must be those of the ray caster. A sphere's are
+            not: its map is to be turned, see `sphere_map`.
+    """
+    if isinstance(shape, Sphere):
+        return {"type": "sphere", "center": numbers(shape.centre), "radius": float(shape.radius)}
+    if isinstance(shape, Plane) and shape.relief is not None:
+        return write_ply(path, relief_mesh(shape))
+    if isinstance(shape, Plane):
+        half = (_ENDLESS, _ENDLESS) if shape.size is None else (shape.size[0] / 2, shape.size[1] / 2)
+        right, up, normal = plane_frame(shape)
+        axes = np.stack([right * half[0], up * half[1], normal], axis=1)
+        if mapped and shape.size is None:
+            return write_ply(path, _quads(shape.material, [(shape.point, axes)], 2 * _ENDLESS, -_ENDLESS))
+        return {"type": "rectangle", "to_world": _placed(axes, shape.point)}
+    if isinstance(shape, Box):
+        axes = rotation(np.asarray(shape.rotation, float)) * (np.asarray(shape.size, float) / 2)
+        if not mapped:
+            return {"type": "cube", "to_world": _placed(axes, shape.centre)}
+        return write_ply(path, _quads(shape.material, _faces(axes, np.asarray(shape.centre, float))))
+    return write_ply(path, shape)
+
+
+def relief_mesh(plane: Plane) -> Mesh:
+    """Triangles of a plane that stands out by its relief, with smooth normals; u and v run as on the flat plane.
+
+    Raises:
+        ValueError: it has no relief.
+    """
+    if plane.relief is None or plane.size is None:
+        raise ValueError("this plane has no relief")
+    heights = np.asarray(plane.relief, float)
+    rows, columns = heights.shape
+    right, up, normal = plane_frame(plane)
+    width, height = float(plane.size[0]), float(plane.size[1])
+    u, v = np.meshgrid(np.linspace(0.0, 1.0, columns), np.linspace(1.0, 0.0, rows))
+    places = np.stack([(u - 0.5) * width, (v - 0.5) * height, heights], axis=-1).reshape(-1, 3)
+    frame = np.stack([right, up, normal])
+    # Slopes by central differences; rows go down, the height goes up.
+    down, across = np.gradient(heights, height / (rows - 1), width / (columns - 1))
+    steep = np.stack([-across, down, np.ones_like(heights)], axis=-1).reshape(-1, 3)
+    steep /= np.linalg.norm(steep, axis=1, keepdims=True)
+    first = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+    below = first + columns
+    # Both counter-clockwise seen from the side of the normal.
+    faces = np.concatenate(
+        [np.stack([first, below, first + 1], axis=1), np.stack([first + 1, below, below + 1], axis=1)]
+    )
+    vertices = places @ frame + np.asarray(plane.point, float)
+    return Mesh(plane.material, vertices, faces, steep @ frame, np.stack([u, v], axis=-1).reshape(-1, 2))
+
+
+def write_ply(path: Path, mesh: Mesh) -> dict[str, Any]:
+    """A mesh as a binary PLY file, and the shape that loads it."""
+    columns: list[tuple[str, np.ndarray]] = list(zip("xyz", np.asarray(mesh.vertices, float).T, strict=True))
+    if mesh.normals is not None:
+        columns += zip(("nx", "ny", "nz"), np.asarray(mesh.normals, float).T, strict=True)
+    if mesh.uv is not None:
+        columns += zip(("u", "v"), np.asarray(mesh.uv, float).T, strict=True)
+    names = [name for name, _ in columns]
+    vertices = np.empty(len(mesh.vertices), [(name, "<f4") for name in names])
+    for name, values in columns:
+        vertices[name] = values
+    faces = np.empty(len(mesh.faces), [("count", "u1"), ("corners", "<i4", 3)])
+    faces["count"], faces["corners"] = 3, np.asarray(mesh.faces)
+    head = ["ply", "format binary_little_endian 1.0", f"element vertex {len(vertices)}"]
+    head += [f"property float {name}" for name in names]
+    head += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header"]
+    with path.open("wb") as file:
+        file.write(("\n".join(head) + "\n").encode())
+        file.write(vertices.tobytes())
+        file.write(faces.tobytes())
+    return {"type": "ply", "filename": str(path), "face_normals": mesh.normals is None}
+
+
+def sphere_map(values: Float[np.ndarray, "h w"]) -> Float[np.ndarray, "h w"]:
+    """A map whose first row is on top, as Mitsuba's sphere wants it with the first row at v = 0: there v runs down
+    from the top, and u begins half way round. An odd width is doubled by repeating columns, so that half is whole.
+    """
+    if values.shape[1] % 2:
+        values = np.repeat(values, 2, axis=1)
+    return np.roll(values, values.shape[1] // 2, axis=1)
+
+
+def _faces(axes: np.ndarray, centre: np.ndarray) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Centre and axes of a box's six faces, with u and v along the axes that are left, in their order."""
+    found = []
+    for k, others in enumerate([(1, 2), (0, 2), (0, 1)]):
+        for sign in (-1.0, 1.0):
+            frame = np.stack([axes[:, others[0]], axes[:, others[1]], sign * axes[:, k]], axis=1)
+            found.append((centre + sign * axes[:, k], frame))
+    return found
+
+
+def _quads(material: str, quads: list, scale: float = 1.0, start: float = 0.0) -> Mesh:
+    """Flat quadrangles with u and v from `start` on, over `scale`; each has half its sides and the way out as axes."""
+    corners = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+    vertices, faces, uv = [], [], []
+    for k, (centre, axes) in enumerate(quads):
+        vertices.append(np.asarray(centre, float) + corners @ axes[:, :2].T)
+        uv.append(start + scale * 0.5 * (corners + 1.0))
+        # Turned round where the axes are left-handed, so that all faces look outwards.
+        order = [[0, 1, 2], [0, 2, 3]] if np.linalg.det(axes) > 0 else [[0, 2, 1], [0, 3, 2]]
+        faces.append(4 * k + np.array(order))
+    return Mesh(material, np.concatenate(vertices), np.concatenate(faces), None, np.concatenate(uv))
+
+
+def numbers(values: Numbers) -> list[float]:
+    """Plain numbers."""
+    return [float(v) for v in np.asarray(values)]
+
+
+def _placed(axes: Float[np.ndarray, "3 3"], point: Numbers) -> Any:
+    """Transform with the axes as columns and a point as origin."""
+    require("mitsuba")
+    import mitsuba as mi  # pyright: ignore[reportMissingImports]
+
+    matrix = np.eye(4)
+    matrix[:3, :3], matrix[:3, 3] = axes, np.asarray(point, float)
+    return mi.ScalarTransform4f(matrix.tolist())

@@ -1,0 +1,153 @@
+"""A picture of a scene by path tracing with Mitsuba 3: light that goes everywhere, and how noisy the picture is.
+
+The picture is the mean of several passes that know nothing of each other, so that their differences tell the noise.
+"""
+
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
+from .mitsuba import mitsuba_scene
+from .render import Progress, Rendered, RenderReport
+from .scene import Scene
+from .variants import spectral_variant
+
+MOST_SAMPLES = 1 << 20
+# Fewest passes, and the most rays of one: more would fill the memory.
+_PASSES = 4
+_MOST_RAYS = 1 << 23
+
+
+@dataclass
+class PathReport(RenderReport):
+    """What was computed, and how noisy it is; of the counts of a `RenderReport` it has rays, pixels and materials.
+
+    Attributes:
+        variant: of Mitsuba.
+        samples: rays of a pixel, all passes together.
+        passes: done.
+        passes_full: wanted.
+        pixel_noise: standard error of a pixel's luminance, root mean square over the picture, as a share of the
+            picture's mean luminance.
+        mean_noise: standard error of the mean luminance of the whole picture, as a share of it.
+        notes: materials that became the nearest that Mitsuba has, a sentence each.
+    """
+
+    variant: str = ""
+    samples: int = 0
+    passes: int = 0
+    passes_full: int = 0
+    pixel_noise: float = np.nan
+    mean_noise: float = np.nan
+
+    def describe(self) -> str:
+        """In words, a line each."""
+        lines = [f"paths: {self.samples} of each pixel in {self.passes} passes, by Mitsuba's {self.variant}"]
+        if np.isfinite(self.pixel_noise):
+            words = f"{self.pixel_noise:.2%} of the mean luminance for a pixel, {self.mean_noise:.3%} for the picture"
+            lines.append(f"noise: {words} (standard error, from the differences between passes)")
+        return "\n".join(lines)
+
+
+@dataclass(frozen=True)
+class PathTraced(Rendered):
+    """A picture as XYZ, and how noisy it is."""
+
+    report: PathReport
+
+
+def path_trace(
+    scene: Scene,
+    *,
+    samples: int = 256,
+    max_depth: int = -1,
+    background: bool = True,
+    tolerance: float = 1e-3,
+    seed: int = 0,
+    progress: Progress | None = None,
+) -> PathTraced:
+    """Make a picture with everything that light does, in Mitsuba 3.
+
+    A spectral variant of Mitsuba that is set stays; otherwise the fastest that works here is set meanwhile.
+
+    Args:
+        scene: what there is. `antialias`, `bounces` and `diffuse_bounces` play no part.
+        samples: rays of a pixel, at least; some more make passes of whole squares.
+        max_depth: of paths: 2 for direct light alone, -1 for everything.
+        background: light from all around with the scene's background.
+        tolerance: absolute error wanted of a glaze's reflectance factor.
+        seed: of the random numbers; the same seed gives the same picture.
+        progress: told how far it is.
+
+    Returns:
+        `PathTraced`. Interrupted from the keyboard, it is the mean of the passes done.
+
+    Raises:
+        ModuleNotFoundError: Mitsuba is not installed.
+        ValueError: samples out of range, or what `mitsuba_scene` refuses.
+    """
+    if not isinstance(samples, int | np.integer) or isinstance(samples, bool) or not 1 <= samples <= MOST_SAMPLES:
+        raise ValueError(f"samples must be a whole number from 1 to {MOST_SAMPLES}, not {samples!r}")
+    told = progress or (lambda share, words: None)
+    with spectral_variant() as variant, tempfile.TemporaryDirectory() as folder:
+        import mitsuba as mi  # pyright: ignore[reportMissingImports]
+
+        pixels = scene.width * scene.height
+        report = PathReport(variant=variant, pixels=pixels, materials=len(scene.materials))
+        told(0.0, "computing glazes")
+        each, report.passes_full = passes_of(int(samples), pixels)
+        made = mitsuba_scene(
+            scene,
+            folder,
+            samples=each,
+            max_depth=max_depth,
+            background=background,
+            tolerance=tolerance,
+            notes=report.notes,
+        )
+        loaded = mi.load_dict(made)
+
+        def one(number: int) -> Float[np.ndarray, "h w 3"]:
+            return np.array(mi.render(loaded, spp=each, seed=mi.UInt32(seed * report.passes_full + number)), float)
+
+        return _mean(scene, report, each, one, told)
+
+
+def passes_of(samples: int, pixels: int) -> tuple[int, int]:
+    """Rays of a pixel in one pass, a square, and the number of passes, so that there are `samples` at least."""
+    most = max(1, min(samples // _PASSES, _MOST_RAYS // pixels))
+    each = int(np.sqrt(most)) ** 2
+    return each, max(2, -(-samples // each))
+
+
+def _mean(
+    scene: Scene, report: PathReport, each: int, one: Callable[[int], Float[np.ndarray, "h w 3"]], told: Progress
+) -> PathTraced:
+    """Mean of the passes, and the spread of their luminance."""
+    total = np.zeros((scene.height, scene.width, 3))
+    square, means = np.zeros((scene.height, scene.width)), []
+    try:
+        for number in range(report.passes_full):
+            told(number / report.passes_full, "following paths")
+            found = one(number)
+            total += found
+            square += found[..., 1] ** 2
+            means.append(float(found[..., 1].mean()))
+    except KeyboardInterrupt:
+        pass
+    count = len(means)
+    report.passes, report.samples = count, count * each
+    report.rays = report.samples * report.pixels
+    if count:
+        total /= count
+    mean = float(np.mean(means)) if count else 0.0
+    if count > 1 and mean > 0:
+        variance = np.maximum(square / count - total[..., 1] ** 2, 0.0) / (count - 1)
+        report.pixel_noise = float(np.sqrt(variance.mean())) / mean
+        report.mean_noise = float(np.std(means, ddof=1) / np.sqrt(count)) / mean
+    told(1.0, "following paths")
+    grid = np.asarray(scene.wavelengths, float)
+    return PathTraced(total, False, grid, np.ones(grid.size, bool), count / report.passes_full, report)

@@ -1,0 +1,272 @@
+"""Scenes in Mitsuba 3, where it is installed: lights that have a size, relief, noise, and which variant is used."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from benchmarks.mitsuba_compare import cases, differences, on_objects, ours, theirs
+
+import glazejax as gj
+from glazejax.appearance.scene import path_trace as tracing
+from glazejax.appearance.scene import variants
+from glazejax.appearance.scene.lights import AreaLight, ParallelLight
+from glazejax.appearance.scene.materials import Conductor, Glazed, Lambert, Phong
+from glazejax.appearance.scene.path_trace import passes_of, path_trace
+from glazejax.appearance.scene.render import render
+from glazejax.appearance.scene.scene import Camera, Scene
+from glazejax.appearance.scene.shapes import Box, Mesh, Plane, Shape, Sphere
+
+WAVELENGTHS = np.arange(400.0, 701.0, 20.0)
+ABOVE = Camera((0.0, 0.0, 10.0), (0.0, 0.0, 0.0), (0.0, 1.0, 0.0), field_of_view=1.0)
+UP = (0.0, 1.0, 0.0)
+
+
+@pytest.fixture
+def mi():
+    found = pytest.importorskip("mitsuba", reason="Mitsuba is not installed (extra render)")
+    variants.usable_variant()
+    return found
+
+
+def made(shapes: list[Shape], materials: dict, lights: list, camera: Camera = ABOVE, **how) -> Scene:
+    """A small scene, dark around."""
+    return Scene(WAVELENGTHS, shapes, materials, lights, camera, **{"width": 8, "height": 8} | how)
+
+
+def luminance(scene: Scene, samples: int = 4096, **how) -> np.ndarray:
+    """Y of every pixel."""
+    return path_trace(scene, samples=samples, **how).values[..., 1]
+
+
+@pytest.mark.optimised
+@pytest.mark.parametrize("name", ["diffuse", "copper", "glaze", "map", "gloss"])
+def test_pictures_are_those_of_the_ray_caster(name, mi):
+    case = cases(32, 24)[name]
+    mine, traced = ours(case, antialias=10), theirs(case, samples=1024)
+    mean, bias = differences(mine, traced.values)
+    assert mean < case.limit
+    assert abs(bias) < case.limit / 2
+    assert differences(mine, traced.values, on_objects(case))[0] < case.limit
+
+
+def test_a_sphere_that_shines_lights_as_its_solid_angle_says(mi):
+    # A small ball straight above: irradiance / pi = L sin^2 of its half angle.
+    light = AreaLight(Sphere("", (0.0, 0.0, 3.0), 0.3), np.full(WAVELENGTHS.shape, 50.0))
+    camera = Camera((3.0, 0.0, 3.0), (0.0, 0.0, 0.0), field_of_view=0.5)
+    found = luminance(made([Plane("m", size=(4.0, 4.0), up=UP)], {"m": Lambert(0.5)}, [light], camera))
+    expected = 0.5 * 50.0 * (0.3 / 3.0) ** 2
+    # Y = 1 is light at all wavelengths that the eye sees; the bands end at 400 and 700 nm.
+    np.testing.assert_allclose(found.mean(), expected, rtol=4e-3)
+
+
+def test_a_rectangle_that_shines_is_bright_in_front_and_black_behind(mi):
+    light = AreaLight(Plane("", (0.0, 0.0, 2.0), (0.0, 0.0, -1.0), (1.0, 2.0), UP), np.full(WAVELENGTHS.shape, 2.0))
+    below = Camera((0.0, 0.0, 0.0), (0.0, 0.0, 2.0), UP, field_of_view=2.0)
+    # The ground is far away, and so as good as black.
+    ground: list[Shape] = [Plane("m", (0.0, 0.0, -1000.0), size=(0.1, 0.1))]
+    np.testing.assert_allclose(luminance(made(ground, {"m": Lambert(0.5)}, [light], below), 64), 2.0, rtol=2e-2)
+    assert luminance(made(ground, {"m": Lambert(0.5)}, [light], ABOVE), 64).max() < 1e-6
+
+
+def test_light_goes_from_surface_to_surface(mi):
+    # Inside a grey box that shines at its own lamp: direct light alone is less.
+    light = AreaLight(Sphere("", (0.0, 0.0, 0.6), 0.1), np.full(WAVELENGTHS.shape, 20.0))
+    camera = Camera((0.5, 0.0, 0.0), (0.0, 0.0, -1.0), field_of_view=3.0)
+    scene = made([Box("m", (0.0, 0.0, 0.0), (2.0, 2.0, 2.0))], {"m": Lambert(0.6)}, [light], camera)
+    everything, direct = luminance(scene, 1024).mean(), luminance(scene, 1024, max_depth=2).mean()
+    assert everything > 1.5 * direct
+
+
+@pytest.mark.parametrize("tilt", [0.0, 0.5])
+def test_a_relief_tilts_what_the_lamp_lights(mi, tilt):
+    # Heights that rise evenly upwards in the picture: a tilted plane, whose cosine to the lamp is known.
+    rows = np.linspace(1.0, -1.0, 5)[:, None]
+    relief = tilt * np.broadcast_to(rows, (5, 4))
+    towards = np.array([0.0, 0.6, 0.8])
+    light = ParallelLight(-towards, np.ones(WAVELENGTHS.shape))
+    plane = Plane("m", size=(2.0, 2.0), up=UP, relief=relief)
+    found = luminance(made([plane], {"m": Lambert(0.5)}, [light]), 64)
+    normal = np.array([0.0, -tilt, 1.0]) / np.hypot(tilt, 1.0)
+    np.testing.assert_allclose(found.mean(), 0.5 * normal @ towards, rtol=4e-3)
+    np.testing.assert_allclose(found, 0.5 * normal @ towards, rtol=3e-2)
+
+
+def test_a_relief_stands_out_by_its_heights(mi):
+    # Light along the surface meets a raised half from the side, and its shadow falls beyond.
+    relief = np.zeros((40, 40))
+    relief[:, :20] = 0.2
+    light = ParallelLight((1.0, 0.0, -0.5), np.ones(WAVELENGTHS.shape))
+    plane = Plane("m", size=(2.0, 2.0), up=UP, relief=relief)
+    camera = Camera((0.0, 0.0, 20.0), (0.0, 0.0, 0.0), UP, field_of_view=float(np.rad2deg(2 * np.arctan(0.05))))
+    found = luminance(made([plane], {"m": Lambert(0.5)}, [light], camera, width=20, height=20), 64, max_depth=2)
+    row = found[10]
+    lit = 0.5 * 0.5 / np.hypot(1.0, 0.5)
+    np.testing.assert_allclose(row[:9], lit, rtol=1e-2)
+    # The shadow is 0.4 long: two pixels of ten a side each 0.1.
+    assert (row[11:13] < 0.02 * lit).all()
+    np.testing.assert_allclose(row[15:], lit, rtol=1e-2)
+
+
+def test_noise_is_what_seeds_differ_by(mi):
+    light = AreaLight(Sphere("", (1.0, 0.5, 1.0), 0.4), np.full(WAVELENGTHS.shape, 5.0))
+    shapes: list[Shape] = [Plane("m", size=(4.0, 4.0), up=UP), Sphere("m", (0.3, 0.0, 0.2), 0.2)]
+    camera = Camera((0.0, 0.0, 10.0), (0.0, 0.0, 0.0), UP, field_of_view=8.0)
+    scene = made(shapes, {"m": Lambert(0.6)}, [light], camera, width=16, height=16)
+    found = [path_trace(scene, samples=64, seed=seed) for seed in range(8)]
+    pictures = np.stack([f.values[..., 1] for f in found])
+    spread = np.sqrt(pictures.var(axis=0, ddof=1).mean()) / pictures.mean()
+    said = np.mean([f.report.pixel_noise for f in found])
+    assert 0.6 < said / spread < 1.6
+    np.testing.assert_array_equal(path_trace(scene, samples=64, seed=3).values, found[3].values)
+    words = found[0].report.describe()
+    assert f"{found[0].report.samples} of each pixel" in words
+    assert "standard error" in words
+    assert found[0].report.samples >= 64
+
+
+def test_passes_are_whole_squares_and_enough():
+    for samples in (1, 2, 3, 16, 100, 256, 1000):
+        each, passes = passes_of(samples, 640 * 480)
+        assert round(np.sqrt(each)) ** 2 == each
+        assert passes >= 2
+        assert each * passes >= samples
+    # A large picture goes through in more passes, not in larger ones.
+    assert passes_of(1024, 10**7) == (1, 1024)
+
+
+def test_an_interrupted_picture_is_the_mean_of_its_passes(mi):
+    light = ParallelLight((0.0, 0.0, -1.0), np.ones(WAVELENGTHS.shape))
+    scene = made([Plane("m", size=(4.0, 4.0), up=UP)], {"m": Lambert(0.5)}, [light])
+
+    def told(share, words):
+        if share == 0.5:
+            raise KeyboardInterrupt
+
+    found = path_trace(scene, samples=64, progress=told)
+    assert found.done == 0.5
+    np.testing.assert_allclose(found.values[..., 1], 0.5, rtol=4e-3)
+
+
+def test_a_users_own_variant_stays(mi):
+    light = ParallelLight((0.0, 0.0, -1.0), np.ones(WAVELENGTHS.shape))
+    scene = made([Plane("m", size=(4.0, 4.0), up=UP)], {"m": Lambert(0.5)}, [light], width=2, height=2)
+    try:
+        mi.set_variant("scalar_rgb")
+        assert path_trace(scene, samples=4).report.variant == variants.usable_variant()
+        assert mi.variant() == "scalar_rgb"
+        mi.set_variant("scalar_spectral")
+        assert path_trace(scene, samples=4).report.variant == "scalar_spectral"
+        assert mi.variant() == "scalar_spectral"
+    finally:
+        mi.set_variant(variants.usable_variant())
+
+
+def test_a_variant_that_aborts_is_not_taken(mi, monkeypatch):
+    variants.usable_variant.cache_clear()
+    monkeypatch.setattr(variants, "_PROBE", "import os; os.abort()")
+    try:
+        assert variants.usable_variant() == "scalar_spectral"
+        assert not variants.works("llvm_ad_spectral")
+    finally:
+        variants.usable_variant.cache_clear()
+    assert not variants.is_spectral("llvm_ad_rgb")
+    assert not variants.is_spectral("scalar_spectral_polarized")
+    assert not variants.is_spectral(None)
+
+
+def test_materials_without_a_counterpart_become_the_nearest_and_that_is_said(mi):
+    light = ParallelLight((0.0, 0.0, -1.0), np.ones(WAVELENGTHS.shape))
+    materials = {
+        "a": Phong(0.5),
+        "b": Conductor(0.2, 3.0, 20.0),
+        "c": Conductor(0.2, 3.0, 0.0, "hall"),
+    }
+    shapes: list[Shape] = [Sphere(name, (k, 0.0, 0.0), 0.4) for k, name in enumerate(materials)]
+    found = path_trace(made(shapes, materials, [light]), samples=4)
+    assert len(found.report.notes) == 3
+    assert all(words in " ".join(found.report.notes) for words in ("Phong", "rough metal", "'hall'"))
+
+
+def test_the_ray_caster_says_what_it_cannot_draw():
+    shine = AreaLight(Sphere("", (0.0, 0.0, 3.0), 0.3), 1.0)
+    sun = ParallelLight((0.0, 0.0, -1.0), 1.0)
+    flat, raised = Plane("m", size=(1.0, 1.0)), Plane("m", size=(1.0, 1.0), relief=np.zeros((3, 3)))
+    for shape, light, words in ((flat, shine, "draw area lights:"), (raised, sun, "draw relief:")):
+        with pytest.raises(ValueError, match=f"{words} use path_trace, or glazejax scene --renderer mitsuba"):
+            render(made([shape], {"m": Lambert(0.5)}, [light]))
+
+
+def test_a_rough_glaze_is_for_the_path_tracer():
+    paint = gj.catalogue.load()["ZincWhite"].resample(WAVELENGTHS)
+    rough = Glazed(gj.Glaze([gj.Layer(paint, 1e-5)], 0.8), roughness=0.1)
+    sun = ParallelLight((0.0, 0.0, -1.0), 1.0)
+    with pytest.raises(ValueError, match="cannot draw glazes with a rough surface: use path_trace"):
+        render(made([Sphere("m")], {"m": rough}, [sun]))
+    for value in (-0.1, 1.5, float("nan")):
+        with pytest.raises(ValueError, match=r"roughness must be 0 \(smooth\) to 1, GGX's alpha, not"):
+            Glazed(rough.glaze, roughness=value)
+
+
+@pytest.mark.parametrize(
+    ("relief", "words"),
+    [
+        (np.zeros(5), r"a relief must be a map of heights \(h, w\), at least 2 x 2, not of shape \(5,\)"),
+        (np.zeros((1, 5)), r"at least 2 x 2, not of shape \(1, 5\)"),
+        (np.full((3, 3), np.nan), "finite heights"),
+        (np.zeros((5000, 5000), bool), "5000 x 5000 heights is too fine"),
+    ],
+)
+def test_what_is_no_relief(relief, words):
+    with pytest.raises(ValueError, match=words):
+        Plane("m", size=(1.0, 1.0), relief=relief)
+
+
+def test_what_is_no_area_light():
+    with pytest.raises(ValueError, match="an area light needs a size"):
+        AreaLight(Plane(""), 1.0)
+    with pytest.raises(ValueError, match="a rectangle or a sphere, not a Box"):
+        AreaLight(Box(""), 1.0)
+    with pytest.raises(ValueError, match="leave its relief out"):
+        AreaLight(Plane("", size=(1.0, 1.0), relief=np.zeros((2, 2))), 1.0)
+    with pytest.raises(ValueError, match="a plane with a relief needs a size"):
+        Plane("m", relief=np.zeros((2, 2)))
+
+
+def test_samples_out_of_range_are_refused():
+    scene = made([Plane("m", size=(1.0, 1.0))], {"m": Lambert(0.5)}, [ParallelLight((0, 0, -1), 1.0)])
+    for samples in (0, 2**21, True):
+        with pytest.raises(ValueError, match="samples must be a whole number from 1 to"):
+            path_trace(scene, samples=samples)
+
+
+def test_meshes_keep_their_coordinates(tmp_path):
+    from glazejax.appearance.scene.mitsuba_shapes import relief_mesh, write_ply
+
+    relief = np.arange(12.0).reshape(3, 4)
+    mesh = relief_mesh(Plane("m", size=(4.0, 2.0), up=UP, relief=relief))
+    assert isinstance(mesh, Mesh)
+    vertices = np.asarray(mesh.vertices).reshape(3, 4, 3)
+    # The first row is on top, u and v run right and up.
+    np.testing.assert_allclose(vertices[0, :, 1], 1.0)
+    np.testing.assert_allclose(vertices[:, 0, 0], -2.0)
+    np.testing.assert_allclose(vertices[..., 2], relief)
+    assert mesh.uv is not None
+    np.testing.assert_allclose(np.asarray(mesh.uv).reshape(3, 4, 2)[0, -1], [1.0, 1.0])
+    points = np.asarray(mesh.vertices)[np.asarray(mesh.faces)]
+    assert (np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])[:, 2] > 0).all()
+    found = write_ply(tmp_path / "m.ply", mesh)
+    assert found["type"] == "ply"
+    trimesh = pytest.importorskip("trimesh")
+    again = trimesh.load(tmp_path / "m.ply", process=False)
+    np.testing.assert_allclose(again.vertices, mesh.vertices, rtol=1e-6)
+    np.testing.assert_array_equal(again.faces, mesh.faces)
+
+
+def test_reading_scenes_needs_no_mitsuba():
+    code = (
+        "import sys; import glazejax.appearance.scene.path_trace, glazejax.appearance.scene.file;"
+        "assert 'mitsuba' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, timeout=120)
+    assert tracing.MOST_SAMPLES > 1000
