@@ -26,6 +26,7 @@ ROOMS = {
         "glazejax.radiative",
         "glazejax.radiative.auxiliary",
         "glazejax.radiative.manyflux",
+        "glazejax.radiative.rough",
         "glazejax.radiative.twoflux",
         "glazejax.radiative.plan",
         "glazejax.radiative.phase",
@@ -34,6 +35,8 @@ ROOMS = {
     "Appearance": [
         "glazejax.appearance",
         "glazejax.appearance.display",
+        "glazejax.appearance.exports",
+        "glazejax.appearance.mitsuba",
         "glazejax.appearance.interreflection",
         "glazejax.appearance.metals",
         "glazejax.appearance.shading",
