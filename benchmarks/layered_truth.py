@@ -22,8 +22,8 @@ from benchmarks.layered_report import Found, agreement, rule_errors, times
 from benchmarks.layered_stacks import BANDS, INCIDENCES, STACKS, VIEWS, LayeredStack
 from benchmarks.layered_values import Values
 from benchmarks.results import Results, add_option
-from benchmarks.timing import environment
 
+REVISION = 1
 FINE = {"rough": 1e-5, "ordinates": 1e-8, "manyflux": 1e-6}
 """Tolerance of the table, by method."""
 
@@ -68,7 +68,6 @@ def main() -> None:
 
     jax.config.update("jax_enable_x64", True)
     say = Results("layered_truth", options.out)
-    say(environment())
     lights, angles = ", ".join(f"{a:g}" for a in INCIDENCES), ", ".join(f"{a:g}/{z:g}" for a, z in VIEWS)
     say(f"{len(STACKS)} stacks x {BANDS} bands; light at {lights} degrees, views (angle/azimuth) {angles}.")
     say("Body only: the light that comes from below the surface. docs/layered-truth.md says what everything means.")

@@ -21,6 +21,9 @@ import glazejax as gj
 from benchmarks.results import Results, add_option
 from benchmarks.strokes import brush_strokes
 
+REVISION = 1
+NEEDS = ("mitsuba",)
+
 WAVELENGTHS = np.arange(400.0, 701.0, 10.0)
 _TURNS, _PAIRS = 5, 64
 _ROUGHNESS = 0.2
@@ -139,8 +142,8 @@ def main() -> None:
     from glazejax.appearance.mitsuba import register
 
     register()
-    results = Results("mitsuba_plugin", options.out)
-    results(f"Mitsuba {mi.__version__}, {mi.variant()}; ultramarine over zinc white, tolerance of the tables 1e-3")
+    results = Results("mitsuba_plugin", options.out, "mitsuba")
+    results(f"Mitsuba in {mi.variant()}; ultramarine over zinc white, tolerance of the tables 1e-3")
     with tempfile.TemporaryDirectory() as folder:
         named = materials(Path(folder))
         made, load, best = {}, {}, {}

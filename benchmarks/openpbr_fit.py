@@ -22,6 +22,8 @@ from glazejax.appearance.glaze.table import glaze_table
 from glazejax.paint.describe import name_paints, parse_layers
 from glazejax.stacks import all_paints
 
+REVISION = 1
+
 STACKS = (
     ("ultramarine 1 um on white", "UltramarineBlue:1um", 0.9, 1.5),
     ("ultramarine 3 um over zinc white", "UltramarineBlue:3um,ZincWhite:20um", 0.9, 1.5),

@@ -19,6 +19,9 @@ import glazejax as gj
 from benchmarks.results import Results, add_option
 from benchmarks.strokes import brush_strokes
 
+REVISION = 1
+NEEDS = ("mitsuba",)
+
 PAINT, GROUND, MOST, START = "UltramarineBlue", 0.8, 6e-6, 1.4e-6
 # None sees the light mirrored.
 VIEWS = ((0.0, 0.0, 3.8), (2.2, 0.6, 3.2), (-1.9, 1.2, 3.0))
@@ -137,9 +140,9 @@ def main() -> None:
     from glazejax.appearance.mitsuba import register
 
     register()
-    results = Results("thickness_from_views", options.out)
+    results = Results("thickness_from_views", options.out, "mitsuba")
     truth = stroke(options.size)
-    results(f"Mitsuba {mi.__version__}, {mi.variant()}; {PAINT} on a ground of {GROUND}, with its gloss")
+    results(f"Mitsuba in {mi.variant()}; {PAINT} on a ground of {GROUND}, with its gloss")
     results(
         f"{options.size} x {options.size} texels, mean {truth.mean() * 1e6:.2f}, most {truth.max() * 1e6:.2f} um; "
         f"three views of 128 x 128 pixels, 1024 samples; {options.steps} steps of one view, 16 samples, other seeds"

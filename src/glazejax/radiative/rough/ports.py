@@ -53,7 +53,7 @@ def rough_ports(
     Returns:
         `Ports` of arrays in the shape of the broadcast batch. Their derivatives are right, too.
 
-    Source: the invariant imbedding of a Lambertian ground, S. Chandrasekhar, Radiative Transfer (1960), section 72.
+    Source: the invariant embedding of a Lambertian ground, S. Chandrasekhar, Radiative Transfer (1960), section 72.
     """
     check_surface(roughness, refractive_index)
     given = {
