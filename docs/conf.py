@@ -44,6 +44,8 @@ myst_heading_anchors = 4
 myst_dmath_double_inline = True
 math_numfig = True
 math_number_all = False
+# Curly quotes, but no dashes made of two hyphens: those are options.
+smartquotes_action = "qe"
 
 # Notebooks run while the site is built; an error in one ends the build. What has run is kept beside the site, and runs
 # again only if its cells have changed: delete the folder after a change of the code (.ci/run has none to begin with).
@@ -64,8 +66,8 @@ look.parent.mkdir(exist_ok=True)
 ours = {**STYLE, "figure.figsize": "7.0, 3.6", "figure.constrained_layout.use": True, "figure.dpi": 110}
 look.write_text("".join(f"{name}: {str(value).lstrip('#')}\n" for name, value in ours.items()))
 os.environ["MATPLOTLIBRC"] = str(look)
-# Commands in notebooks print as into a file: no colours, no moving lines.
-os.environ |= {"TERM": "dumb", "NO_COLOR": "1", "COLUMNS": "92"}
+# Commands in notebooks print without colours; TERM, which a kernel sets anew, is theirs to say.
+os.environ |= {"NO_COLOR": "1", "COLUMNS": "92"}
 os.environ["PATH"] = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
 
 toc_object_entries_show_parents = "hide"

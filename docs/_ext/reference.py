@@ -2,6 +2,7 @@
 
 import importlib
 import inspect
+import re
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -89,7 +90,7 @@ def _page(name: str, seen: dict[int, str]) -> str:
         rows.append((f":py:obj:`{public} <{home}>`", value))
         if home == f"{name}.{public}":
             bodies += _directive(name, public, value)
-    lines += [".. list-table::", "   :widths: 30 70", "   :class: names", ""]
+    lines += [".. list-table::", "   :widths: 38 62", "   :class: names", ""]
     for link, value in rows:
         described = _first_sentence(value) if inspect.isroutine(value) or not _is_plain(value) else ""
         lines += [f"   * - {link}", f"     - {described}"]
@@ -112,6 +113,13 @@ def _index() -> str:
     return "\n".join(lines)
 
 
+def _as_code(words: str) -> str:
+    """Options and whole command lines of a help text as code."""
+    words = re.sub(r"(?<=: )(glazejax [a-z][^\n`]*)$", r"`\1`", words, flags=re.MULTILINE)
+    parts = re.split(r"(`[^`]*`)", words)
+    return "".join(part if part[:1] == "`" else re.sub(r"(?<![\w-])(--[a-z][a-z-]*)", r"`\1`", part) for part in parts)
+
+
 def _commands() -> str:
     import typer.main
 
@@ -121,8 +129,8 @@ def _commands() -> str:
     lines = ["# The command `glazejax`", "", "As `--help` says it.", ""]
     for name, command in sorted(group.commands.items()):  # type: ignore[attr-defined]
         # Words of a command's help are laid out by blank lines; single backquotes are code in Markdown, too.
-        words = inspect.cleandoc(command.help or "").replace("\b\n", "")
-        lines += [f"## glazejax {name}", "", words, "", "| | |", "|---|---|"]
+        words = _as_code(inspect.cleandoc(command.help or "").replace("\b\n", ""))
+        lines += [f"## glazejax {name}", "", words, "", "| option | what it does |", "|---|---|"]
         for one in command.params:
             if getattr(one, "hidden", False) or one.name == "help":
                 continue
@@ -130,7 +138,7 @@ def _commands() -> str:
             if one.param_type_name == "argument":
                 flags = f"`{(one.metavar or one.name).upper()}`"
             said = " ".join((getattr(one, "help", None) or "").split()).replace("|", "\\|")
-            lines.append(f"| {flags} | {said} |")
+            lines.append(f"| {flags} | {_as_code(said)} |")
         lines.append("")
     return "\n".join(lines)
 
