@@ -43,12 +43,13 @@ def materials(folder: Path) -> dict[str, tuple[dict[str, Any], dict[str, Any] | 
     plastic = {"type": "roughplastic", "alpha": _ROUGHNESS, "distribution": "ggx", "int_ior": 1.5, "ext_ior": 1.0}
     plastic |= {"diffuse_reflectance": spectrum(colour, WAVELENGTHS), "nonlinear": True}
     flat = {"type": "diffuse", "reflectance": spectrum(colour, WAVELENGTHS)}
-    textured = {"thickness": brush_strokes(64, 3e-6)}
+    textured: dict[str, Any] = {"thickness": brush_strokes(64, 3e-6)}
     ground = textured | {"ground": np.full((8, 8), 0.8)}
     return {
         "roughplastic": (plastic, flat),
-        "measured export": tuple(
-            export_glaze(made, folder / f"{gloss}.bsdf", WAVELENGTHS, gloss=gloss) for gloss in (True, False)
+        "measured export": (
+            export_glaze(made, folder / "glossy.bsdf", WAVELENGTHS),
+            export_glaze(made, folder / "matt.bsdf", WAVELENGTHS, gloss=False),
         ),
         "glaze, smooth": (glaze_bsdf(made), glaze_bsdf(made, gloss=False)),
         "glaze, rough": (glaze_bsdf(made, roughness=_ROUGHNESS), glaze_bsdf(made, roughness=_ROUGHNESS, gloss=False)),

@@ -168,9 +168,11 @@ def _figure(truth, found: Recovered):
         axis.set_title(f"view {k + 1}")
     most = truth.max() * 1e6
     maps = ((truth, "true thickness"), (found.thickness, "found from the views"))
+    drawn = None
     for axis, (values, title) in zip(axes[1], maps, strict=False):
         drawn = axis.imshow(values * 1e6, vmin=0, vmax=most, cmap="bone", origin="lower")
         axis.set_title(f"{title}, µm")
+    assert drawn is not None
     figure.colorbar(drawn, ax=axes[1, :2], shrink=0.8)
     drawn = axes[1, 2].imshow((found.thickness - truth) * 1e6, vmin=-0.1, vmax=0.1, cmap="RdBu", origin="lower")
     axes[1, 2].set_title("difference, µm")

@@ -104,14 +104,15 @@ class GlazeBSDF:
         )
         self._body = DrJit(mi, dr).body(self.table)
         above = self.table.surface
-        lobe = Facets(mi, dr, above) if isinstance(above, Rough) else Mirror(mi, dr, above.refractive_index)
-        self._surface = lobe if given.gloss else None
+        lobe: Any = Facets(mi, dr, above) if isinstance(above, Rough) else Mirror(mi, dr, above.refractive_index)
+        self._surface: Any = lobe if given.gloss else None
         flags = mi.BSDFFlags
         textured = any(x is not None for x in (self._thickness, self._fraction, self._ground))
         spatial = int(flags.SpatiallyVarying) if textured else 0
         self._diffuse = int(flags.DiffuseReflection)
         self.m_components = [] if self._surface is None else [self._surface.flag | int(flags.FrontSide)]
         self.m_components = [*self.m_components, self._diffuse | int(flags.FrontSide) | spatial]
+        self._last = len(self.m_components) - 1
         self.m_flags = int(np.bitwise_or.reduce(self.m_components))
 
     def traverse(self, callback: Any) -> None:
@@ -161,7 +162,7 @@ class GlazeBSDF:
         """What a point has whatever the second direction: the table's weights if values are wanted, and its lobes."""
         mi, dr = self._mi, self._dr
         lit = active & (si.wi.z > 0.0)
-        flags, last = mi.BSDFFlags, self.component_count() - 1
+        flags, last = mi.BSDFFlags, self._last
         body = ctx.is_enabled(flags.DiffuseReflection, last)
         surface = self._surface is not None and ctx.is_enabled(self._surface.kind, 0)
         ops, varying = DrJit(mi, dr, lit), self._varying(si, lit)
@@ -206,7 +207,7 @@ class GlazeBSDF:
         if not (at.surface or at.body):
             return bs, mi.UnpolarizedSpectrum(0.0)
         first = at.lit & (sample1 < at.share)
-        number = mi.UInt32(self.component_count() - 1)
+        number = mi.UInt32(self._last)
         bs.eta = mi.Float(1.0)
         bs.wo = mi.warp.square_to_cosine_hemisphere(sample2)
         bs.sampled_type, bs.sampled_component = mi.UInt32(self._diffuse), number

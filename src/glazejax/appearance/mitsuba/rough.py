@@ -76,7 +76,7 @@ class Rough:
         """Nothing is known without the table."""
         return 1.0
 
-    def factor(self, stack: dict[str, Numbers], cos_in: Numbers, cos_out: Numbers, tolerance: float) -> np.ndarray:
+    def factor(self, stack: dict[str, Any], cos_in: Numbers, cos_out: Numbers, tolerance: float) -> np.ndarray:
         """`rough_reflectance_factor`."""
         solve = functools.partial(rough_reflectance_factor, roughness=self.roughness)
         return in_blocks(solve, stack, cos_in, cos_out, max(tolerance, FINEST), self.refractive_index, block=512)
@@ -95,7 +95,7 @@ class Rough:
                 break
         return cosines
 
-    def parts(self, stack: dict[str, Numbers], cosines: np.ndarray, tolerance: float) -> np.ndarray:
+    def parts(self, stack: dict[str, Any], cosines: np.ndarray, tolerance: float) -> np.ndarray:
         """R0, T and S on the functions of the angle, one row a stack: (..., rows), see `nodes.split`."""
         surface = resolve(self.refractive_index, self.roughness, max(tolerance, FINEST))
         albedo, depth = np.broadcast_arrays(*(np.asarray(stack[k]) for k in ("albedo", "optical_thickness")))

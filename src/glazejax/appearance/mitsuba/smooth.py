@@ -50,7 +50,7 @@ class Smooth:
         total = ops.maximum(inside(ops, cos_in, n) + inside(ops, cos_out, n), _LEAST_SUM)
         return self.let_in(ops, cos_in) * self.let_in(ops, cos_out) / total
 
-    def factor(self, stack: dict[str, Numbers], cos_in: Numbers, cos_out: Numbers, tolerance: float) -> np.ndarray:
+    def factor(self, stack: dict[str, Any], cos_in: Numbers, cos_out: Numbers, tolerance: float) -> np.ndarray:
         """`stack_reflectance_factor`."""
         return in_blocks(stack_reflectance_factor, stack, cos_in, cos_out, tolerance, self.refractive_index)
 
@@ -63,9 +63,7 @@ class Smooth:
                 break
         return cosines
 
-    def parts(
-        self, stack: dict[str, Numbers], cosines: np.ndarray, tolerance: float
-    ) -> Float[np.ndarray, "*stacks rows"]:
+    def parts(self, stack: dict[str, Any], cosines: np.ndarray, tolerance: float) -> Float[np.ndarray, "*stacks rows"]:
         """R0 of all pairs of angles, T of each and S, from three levels of the ground."""
         n = cosines.size
         rows, columns = np.triu_indices(n)

@@ -32,7 +32,7 @@ class Surface(Protocol):
         """What is known of R0, as a factor."""
         ...
 
-    def factor(self, stack: dict[str, Numbers], cos_in: Numbers, cos_out: Numbers, tolerance: float) -> np.ndarray:
+    def factor(self, stack: dict[str, Any], cos_in: Numbers, cos_out: Numbers, tolerance: float) -> np.ndarray:
         """The solver's reflectance factor of stacks (albedo, optical_thickness, substrate_reflectance)."""
         ...
 
@@ -40,7 +40,7 @@ class Surface(Protocol):
         """Cosines in air of as many nodes (`parts.evenly`) as it takes; `error` tries some."""
         ...
 
-    def parts(self, stack: dict[str, Numbers], cosines: np.ndarray, tolerance: float) -> np.ndarray:
+    def parts(self, stack: dict[str, Any], cosines: np.ndarray, tolerance: float) -> np.ndarray:
         """Numbers (*stacks, rows) that hold `Parts`; stacks are albedo and optical_thickness, (*stacks, layers)."""
         ...
 
@@ -55,7 +55,7 @@ class Surface(Protocol):
 
 def in_blocks(
     solve: Callable[..., Any],
-    stack: dict[str, Numbers],
+    stack: dict[str, Any],
     cos_in: Numbers,
     cos_out: Numbers,
     tolerance: float,

@@ -214,6 +214,8 @@ def _compressed(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> 
     shapes, onto = _basis([exact, dim], known.ravel(), _SHAPES * nodes.tolerance)
     weights, means = (_series(values @ onto, len(nodes.axes)) for values in (exact, dim))
     squares = shapes.reshape(-1, n, n)
+    # Symmetric to the last digit.
+    squares = 0.5 * (squares + np.swapaxes(squares, 1, 2))
     count = _angle_count(squares, known, weights, _BETWEEN_ANGLES * nodes.tolerance)
     to_grid = lagrange(np.linspace(-1.0, 1.0, count), n)
     lines = through = None
@@ -235,13 +237,14 @@ def _compressed(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> 
     steps = surface.cosine(np.linspace(0.0, 1.0, count))
     sphere = (surface.known(NUMPY, steps[:, None], cosines) * np.ones((count, cosines.size))) @ onto_sphere
     albedo = np.einsum("ai,aj,kij->ak", to_grid, sphere, squares)
+    pairs = np.einsum("ai,bj,kij->abk", to_grid, to_grid, squares)
     return Body(
         surface,
         nodes.wavelengths,
         nodes.axes,
         counts,
         count,
-        _packed(np.einsum("ai,bj,kij->abk", to_grid, to_grid, squares)),
+        _packed(0.5 * (pairs + np.swapaxes(pairs, 0, 1))),
         _packed(_hermite_numbers(weights, counts)),
         lines,
         None if through is None else _packed(_hermite_numbers(through, counts)),
