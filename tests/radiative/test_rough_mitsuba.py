@@ -70,8 +70,10 @@ def test_single_facets_are_those_of_mitsuba(roughness, index, cosine):
         events[{"1": "-1", "-1": "1"}[name]] = (found.refracted, found.refracted_share)
         for to, (cosines, shares) in events.items():
             ours = [float(np.sum(shares * np.maximum(cosines, 0.0) ** k)) for k in range(3)]
-            # From inside the integrand has a root at the critical angle, which this plain rule over directions meets.
-            assert np.allclose(ours, theirs[f"{name} {to}"], atol=2e-3 if side else 2e-4), (name, to)
+            # What goes through ends abruptly where facets would have to stand upright, and from inside there is a
+            # root at the critical angle: this plain rule over directions meets both.
+            smooth = not side and cosines is found.reflected
+            assert np.allclose(ours, theirs[f"{name} {to}"], atol=2e-4 if smooth else 2e-3), (name, to)
     given = {"roughness": roughness, "refractive_index": index}
     for viewing, azimuth, factor in theirs["points"]:
         ours = rough.surface_reflectance_factor(cosine, viewing, azimuth, **given)

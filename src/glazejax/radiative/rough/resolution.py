@@ -14,6 +14,8 @@ LEAST_INDEX = 1.02
 FINEST = 1e-5
 """Smallest tolerance that is met."""
 
+# Below this index light may graze inside, too, and takes more nodes.
+_LOW = 1.2
 # Worst errors of each: `python -m benchmarks.rough_surface`.
 _SIZES = (
     (1e-2, Size(4, 5, 2.0, 20, 28, (8, 8))),
@@ -63,4 +65,6 @@ def resolve(index: float, roughness: float, tolerance: float) -> Surface:
             f"tolerance is {tolerance:g}, but {FINEST:g} is the least there is under a rough surface", stacklevel=5
         )
     size = next((size for least, size in _SIZES if least <= tolerance * (1 + 1e-9)), _SIZES[-1][1])
+    if index < _LOW:
+        size = size._replace(upper=size.upper + 3, lower=size.lower + 4)
     return Surface(index, float(roughness), size)
