@@ -11,8 +11,10 @@ tricks: what they take for the same error of one number follows from their stand
 
 import argparse
 import functools
+import os
 import time
 from collections.abc import Callable, Iterator
+from typing import Any
 from unittest import mock
 
 import jax
@@ -88,7 +90,7 @@ def seconds(function: Callable, *arguments: object) -> float:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--stacks", type=int, default=60, help="random stacks (default: %(default)s)")
     parser.add_argument("--surfaces", type=int, default=len(SURFACES), help="so many of them (default: all)")
     results.add_option(parser)
@@ -99,6 +101,8 @@ def main() -> None:
         f"Largest error of the reflectance factor and of the flux over {options.stacks} random stacks, by the tolerance"
     )
     say("asked for, against a run with more nodes, facets, beams and angles")
+    if flags := os.environ.get("XLA_FLAGS"):
+        say(f"Compiled with XLA_FLAGS={flags}")
     say()
     say(f"{'roughness':>9} {'index':>6}   " + "   ".join(f"{t:^17.0e}" for t in TOLERANCES))
     worst = np.zeros((len(TOLERANCES), 2))
@@ -114,7 +118,7 @@ def main() -> None:
 def _speed(say: results.Results) -> None:
     q, d, g = jnp.linspace(0.5, 0.99, 82).reshape(41, 2), jnp.linspace(0.1, 4, 82).reshape(41, 2), jnp.full(41, 0.6)
     arguments = q, d, g
-    cosines = {"cos_incidence": 0.8, "cos_viewing": 0.6}
+    cosines: dict[str, Any] = {"cos_incidence": 0.8, "cos_viewing": 0.6}
 
     @jax.jit
     def smooth(q, d, g):

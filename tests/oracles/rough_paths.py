@@ -26,7 +26,7 @@ class Rough(NamedTuple):
     """A surface."""
 
     roughness: float
-    index: float
+    refractive_index: float
 
 
 def _visible_normals(rng: np.random.Generator, cosine: np.ndarray, roughness: float) -> np.ndarray:
@@ -52,8 +52,8 @@ def _meet(
     normal = _visible_normals(rng, cosine, surface.roughness)
     sine = np.sqrt(1 - cosine**2)
     met = np.clip(sine * normal[:, 0] + cosine * normal[:, 2], 0.0, 1.0)
-    here = np.where(inside, surface.index, 1.0)
-    there = np.where(inside, 1.0, surface.index)
+    here = np.where(inside, surface.refractive_index, 1.0)
+    there = np.where(inside, 1.0, surface.refractive_index)
     squared = 1 - (here / there) ** 2 * (1 - met**2)
     beyond = np.sqrt(np.maximum(squared, 0.0))
     s = (here * met - there * beyond) / (here * met + there * beyond)
@@ -76,7 +76,7 @@ class Loss:
 
     def __init__(self, surface: Rough, paths: int = 400_000, seed: int = 1):
         rng = np.random.default_rng(seed)
-        square = surface.index**2
+        square = surface.refractive_index**2
         inside = rng.random(paths) < square / (1 + square)
         cosine = np.sqrt(rng.random(paths))
         lost = _meet(rng, surface, cosine, inside)[2]

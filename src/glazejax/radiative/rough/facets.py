@@ -97,7 +97,8 @@ def _facets(
     along = -roughness * np.cos(psi)[..., None] * np.cos(omega)
     up = np.cos(psi)[..., None] * np.sin(omega)
     length = np.sqrt(along**2 + (roughness * np.sin(psi)[..., None]) ** 2 + up**2)
-    return tuple(x.reshape(len(cosine), -1) for x in (along / length, up / length, share))
+    flat = len(cosine), -1
+    return (along / length).reshape(flat), (up / length).reshape(flat), share.reshape(flat)
 
 
 def _last_psi(p: np.ndarray, q: np.ndarray, t: np.ndarray, u: np.ndarray) -> np.ndarray:

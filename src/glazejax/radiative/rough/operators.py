@@ -51,7 +51,7 @@ class AirTable(NamedTuple):
 class Operators(NamedTuple):
     """A surface on the nodes of a basis."""
 
-    index: float
+    refractive_index: float
     basis: Basis
     back: Float[np.ndarray, "n n"]
     """Paint to paint."""
@@ -66,8 +66,8 @@ class Operators(NamedTuple):
         """What enters the paint of a beam of one at cosines in air (...), on each polynomial: (..., n)."""
         if self.table is not None:
             return self.table.at(cosine)[..., :-1]
-        passing = 1.0 - dielectric_reflectance(cosine, self.index)
-        return passing[..., None] * self.basis.values(cos_refracted(cosine, self.index))
+        passing = 1.0 - dielectric_reflectance(cosine, self.refractive_index)
+        return passing[..., None] * self.basis.values(cos_refracted(cosine, self.refractive_index))
 
 
 @functools.lru_cache(maxsize=64)

@@ -84,7 +84,7 @@ def _ports(lit: Lit, surface: Surface) -> Ports:
         return reflectance(white._replace(enters=both[0], from_ground=both[1]), surface)
 
     itself = on_ground(unlit, everything)
-    n = surface.index
+    n = surface.refractive_index
     # In the solver's units a white ground shows 4/(1 - S) of itself, and 2 n T/(1 - S) of light from above.
     light, view = (2.0 * on_ground(lit.enters[:, beam], nothing) / (n * itself) for beam in (0, 1))
     return Ports(reflectance(dark, surface) / n**2, light, view, 1.0 - 4.0 / itself)

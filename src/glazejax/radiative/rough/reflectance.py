@@ -45,6 +45,13 @@ def rough_reflectance_factor(
     Returns:
         Reflectance factor, shape of the broadcast batch.
 
+    Notes:
+        `tolerance` picks the numbers of nodes, facets, beams and angles. They were chosen on random stacks of two
+        layers (optical thickness 0.003 to 30, albedo up to 1 - 1e-6, grounds 0 to 1, cosines from 0.05) under surfaces
+        of roughness 0.001 to 1 and index 1.05 to 2.5 against a run with more of each: the worst error is less than
+        half the tolerance (`python -m benchmarks.rough_surface`). A cosine below 0.05 and an index below 1.05 can miss
+        it by a few times.
+
     Raises:
         ValueError: as `stack_reflectance_factor`; and a roughness out of range, or a roughness or an index that is
             traced: the surface's operators are made once for each pair of them.
@@ -173,7 +180,7 @@ def lit_stacks(flat: dict[str, Any], surface: Surface) -> Lit:
 
 
 def _run(lit: Lit, surface: Surface) -> Array:
-    return _compiled(lit, surface) / surface.index**2
+    return _compiled(lit, surface) / surface.refractive_index**2
 
 
 _compiled = jax.jit(reflectance, static_argnums=1)
