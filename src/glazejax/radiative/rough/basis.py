@@ -62,7 +62,7 @@ def basis(index: float, size: Size) -> Basis:
     c, scale = size.crowding, np.expm1(size.crowding)
     cosines = np.concatenate([split + (1.0 - split) * x, split * np.expm1(c * y) / scale])
     weights = np.concatenate([(1.0 - split) * x_weights, split * y_weights * c * np.exp(c * y) / scale])
-    return Basis(split, size, cosines, conserve(cosines, weights))
+    return Basis(split, size, cosines, np.asarray(conserve(cosines, weights)))
 
 
 def lagrange(x: Float[Array | np.ndarray, "*batch"], count: int) -> Any:

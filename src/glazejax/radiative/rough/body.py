@@ -33,13 +33,13 @@ _CHUNK_NUMBERS = 2**15
 class Surface(NamedTuple):
     """Which surface, and how finely it is resolved; static."""
 
-    index: float
+    refractive_index: float
     roughness: float
     size: Size
 
     def operators(self) -> Operators:
         """Made once and kept."""
-        return operators(self.index, self.roughness, self.size)
+        return operators(self.refractive_index, self.roughness, self.size)
 
 
 class Lit(NamedTuple):

@@ -11,7 +11,7 @@ weight cos^2 psi sin(omega - theta) dpsi domega. A facet reflects F(i.m) and let
 direction is not caught by other facets.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jaxtyping import Float
@@ -51,10 +51,11 @@ def scatter(cosine: Cosines, roughness: float, index: float, nodes: tuple[int, i
         cosine: of the beams' angles, in air or in the paint, (beams,), in (0, 1].
         roughness: alpha of GGX, > 0.
         index: n of the paint.
-        nodes: of the quadrature in psi and in omega.
+        nodes: of the quadrature in psi and in omega, on each piece between bends.
         inside: whether the beams come from inside the paint.
     """
-    m_along, m_up, share = _facets(cosine, roughness, nodes)
+    critical = float(np.sqrt((index - 1.0) * (index + 1.0)) / index) if inside else None
+    m_along, m_up, share = _facets(cosine, roughness, nodes, critical)
     c = cosine[:, None]
     met = np.clip(np.sqrt((1.0 - c) * (1.0 + c)) * m_along + c * m_up, 0.0, 1.0)
     relative = 1.0 / index if inside else index
@@ -71,17 +72,55 @@ def scatter(cosine: Cosines, roughness: float, index: float, nodes: tuple[int, i
     )
 
 
-def _facets(cosine: Cosines, roughness: float, nodes: tuple[int, int]) -> tuple[Events, Events, Events]:
-    """Normals' components along the plane of incidence and upwards, and their shares of the beam."""
-    u, u_weights = gauss(nodes[0])
-    v, v_weights = gauss(nodes[1])
-    psi = 0.5 * np.pi * u
-    slope = np.arctan2(roughness * np.sqrt((1.0 - cosine) * (1.0 + cosine)), cosine)
-    span = (np.pi - slope)[:, None]
-    omega = slope[:, None] + span * v
-    along_omega = v_weights * span * np.sin(span * v) / (1.0 + np.cos(slope))[:, None]
-    share = along_omega[:, :, None] * (2.0 * u_weights * np.cos(psi) ** 2)
-    along = -roughness * np.cos(psi) * np.cos(omega)[:, :, None]
-    up = np.cos(psi) * np.sin(omega)[:, :, None]
-    length = np.sqrt(along**2 + (roughness * np.sin(psi)) ** 2 + up**2)
-    return tuple(a.reshape(len(cosine), -1) for a in (along / length, up / length, share))
+def _facets(
+    cosine: Cosines, roughness: float, nodes: tuple[int, int], critical: float | None
+) -> tuple[Events, Events, Events]:
+    """Normals' components along the plane of incidence and upwards, and their shares of the beam.
+
+    The integrands bend where what is reflected meets the horizon, and from inside where reflection becomes total, at
+    i.m = ``critical``. Both are lines P cos(2 omega) + Q sin(2 omega) = T + U/cos^2 psi, at which the rule is divided.
+    """
+    sine = np.sqrt((1.0 - cosine) * (1.0 + cosine))
+    a2, rise = roughness**2, 1.0 - roughness**2
+    slope = np.arctan2(roughness * sine, cosine)
+    # The horizon, 2 (i.m) m_z = c; then the critical angle, (i.m)^2 = critical^2.
+    lines = [(0.5 * cosine * rise - cosine, -roughness * sine, 0.5 * cosine * rise - cosine, cosine * a2)]
+    if critical is not None:
+        k2, least = critical**2, a2 * sine**2 + cosine**2
+        straight = k2 * rise - (cosine**2 - a2 * sine**2)
+        lines.append((straight, -2.0 * roughness * cosine * sine, k2 * rise - least, 2.0 * k2 * a2 + 0.0 * cosine))
+    psi, psi_weights = _divided([_last_psi(*line) for line in lines], 0.0 * cosine, 0.5 * np.pi, nodes[0])
+    breaks = [edge for line in lines for edge in _crossings(psi, slope[:, None], *(x[:, None] for x in line))]
+    omega, omega_weights = _divided(breaks, slope[:, None] + 0.0 * psi, np.pi, nodes[1])
+    share = omega_weights * np.sin(omega - slope[:, None, None]) / (1.0 + np.cos(slope))[:, None, None]
+    share *= (psi_weights * np.cos(psi) ** 2 * 4.0 / np.pi)[..., None]
+    along = -roughness * np.cos(psi)[..., None] * np.cos(omega)
+    up = np.cos(psi)[..., None] * np.sin(omega)
+    length = np.sqrt(along**2 + (roughness * np.sin(psi)[..., None]) ** 2 + up**2)
+    flat = len(cosine), -1
+    return (along / length).reshape(flat), (up / length).reshape(flat), share.reshape(flat)
+
+
+def _last_psi(p: np.ndarray, q: np.ndarray, t: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """Where a line turns back: beyond this psi there is none."""
+    square = u / np.maximum(np.hypot(p, q) - t, 1e-300)
+    return np.arccos(np.sqrt(np.clip(square, 0.0, 1.0)))
+
+
+def _crossings(psi: np.ndarray, least: np.ndarray, p: Any, q: Any, t: Any, u: Any) -> list[np.ndarray]:
+    """Both omega of a line at each psi; the least one where there is none."""
+    size = np.maximum(np.hypot(p, q), 1e-300)
+    height = (t + u / np.maximum(np.cos(psi) ** 2, 1e-300)) / size
+    turn, middle = np.arccos(np.clip(height, -1.0, 1.0)), np.arctan2(q, p)
+    found = [np.mod(0.5 * (middle + sign * turn), np.pi) for sign in (-1.0, 1.0)]
+    return [np.where(np.abs(height) < 1.0, np.maximum(omega, least), least) for omega in found]
+
+
+def _divided(breaks: list[np.ndarray], low: np.ndarray, high: float, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Nodes and weights on a last axis from low to high, divided at breaks; crowded at each end, where roots begin."""
+    edges = np.sort(np.stack([low, *breaks, np.full_like(low, high)], axis=-1), axis=-1)
+    y, weights = gauss(count)
+    x, weights = y * y * (3.0 - 2.0 * y), weights * 6.0 * y * (1.0 - y)
+    width = np.diff(edges, axis=-1)[..., None]
+    shape = (*low.shape, -1)
+    return (edges[..., :-1, None] + width * x).reshape(shape), (width * weights).reshape(shape)

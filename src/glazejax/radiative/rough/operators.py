@@ -25,6 +25,8 @@ from .facets import scatter
 
 # Beams at a time: a few million facets.
 _BEAMS = 16
+# Below it the losses are the quadrature's own errors, which must not be spread: a roughness of some 5e-4.
+_LEAST_CONSTANT = 1e-5
 # Of the rule for a smooth surface.
 _CROWDING = 6.0
 
@@ -49,7 +51,7 @@ class AirTable(NamedTuple):
 class Operators(NamedTuple):
     """A surface on the nodes of a basis."""
 
-    index: float
+    refractive_index: float
     basis: Basis
     back: Float[np.ndarray, "n n"]
     """Paint to paint."""
@@ -64,8 +66,8 @@ class Operators(NamedTuple):
         """What enters the paint of a beam of one at cosines in air (...), on each polynomial: (..., n)."""
         if self.table is not None:
             return self.table.at(cosine)[..., :-1]
-        passing = 1.0 - dielectric_reflectance(cosine, self.index)
-        return passing[..., None] * self.basis.values(cos_refracted(cosine, self.index))
+        passing = 1.0 - dielectric_reflectance(cosine, self.refractive_index)
+        return passing[..., None] * self.basis.values(cos_refracted(cosine, self.refractive_index))
 
 
 @functools.lru_cache(maxsize=64)
@@ -83,9 +85,9 @@ def operators(index: float, roughness: float, size: Size) -> Operators:
     entering, lost = _single_entering(index, roughness, nodes, outside)
     whole = _integrals(nodes)
     missing = whole - single.sum(axis=0) - fluxes @ entering / index**2
-    constant = float(fluxes @ lost + index**2 * missing.sum())
-    share = index**2 / max(constant, 1e-300)
-    back = single + share * missing[:, None] * missing
+    constant = max(float(fluxes @ lost + index**2 * missing.sum()), _LEAST_CONSTANT)
+    share = index**2 / constant
+    back = single + share * np.outer(missing, missing)
     enters = entering + share * lost[:, None] * missing
     leaves = index**2 * (whole - back.sum(axis=0))
     return Operators(index, nodes, back, leaves, AirTable(turn, np.column_stack([enters, lost])), constant)

@@ -19,12 +19,12 @@ class Ports(NamedTuple):
     dark: Float[Array, "*batch"]
     """Over a black ground, R0."""
     incidence: Float[Array, "*batch"]
-    """Share of the beam's flux that reaches a black ground, T(i)."""
+    """T(i): the share of the beam's flux that reaches a black ground, over the refractive index n."""
     viewing: Float[Array, "*batch"]
-    """The same of the viewing direction: what is seen of a ground of radiance one, as a reflectance factor; for the
-    hemispherical reflectance the share of a Lambertian ground's flux that leaves."""
+    """T(o), the same function of the viewing direction: n times the radiance that is seen of a ground of radiance one.
+    For the hemispherical reflectance n times the share of a Lambertian ground's flux that leaves."""
     back: Float[Array, "*batch"]
-    """Share of the ground's flux that comes back to it, S."""
+    """S: the share of the ground's flux that comes back to it."""
 
     def reflectance(self, ground: Numbers) -> Float[Array, "*all"]:
         """Reflectance over grounds (...) that broadcast against the batch."""
@@ -84,7 +84,7 @@ def _ports(lit: Lit, surface: Surface) -> Ports:
         return reflectance(white._replace(enters=both[0], from_ground=both[1]), surface)
 
     itself = on_ground(unlit, everything)
-    n = surface.index
+    n = surface.refractive_index
     # In the solver's units a white ground shows 4/(1 - S) of itself, and 2 n T/(1 - S) of light from above.
     light, view = (2.0 * on_ground(lit.enters[:, beam], nothing) / (n * itself) for beam in (0, 1))
     return Ports(reflectance(dark, surface) / n**2, light, view, 1.0 - 4.0 / itself)

@@ -173,7 +173,7 @@ def lit_stacks(flat: dict[str, Any], surface: Surface) -> Lit:
 
 
 def _run(lit: Lit, surface: Surface) -> Array:
-    return _compiled(lit, surface) / surface.index**2
+    return _compiled(lit, surface) / surface.refractive_index**2
 
 
 _compiled = jax.jit(reflectance, static_argnums=1)

@@ -135,7 +135,7 @@ def loss_constant(*, roughness: float, refractive_index: float = 1.5) -> float:
     """C = int k dm over both sides, in the units of a BRDF: f_r of the compensation is k(i) k(o)/C.
 
     Args:
-        roughness: alpha, a number in [0, 1]; 0 gives 0.
+        roughness: alpha, a number in [0, 1]; 0 gives 0, and what is not 0 at least 1e-5 pi.
         refractive_index: a number in [1.02, 2.5].
     """
     if check_surface(roughness, refractive_index) == 0.0:

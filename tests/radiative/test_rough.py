@@ -1,0 +1,283 @@
+"""Paint under a rough surface: energy, reciprocity, limits, gradients, and paths followed one by one."""
+
+import itertools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import glazejax as gj
+from glazejax.radiative import rough
+from glazejax.radiative.rough.operators import operators
+from glazejax.radiative.rough.resolution import resolve
+from tests.oracles import rough_paths
+
+COSINES = np.array([0.05, 0.2, 0.5, 0.8, 1.0])
+ALBEDO = np.array([[0.9, 0.5], [1 - 1e-6, 0.9], [0.3, 0.99], [1.0, 1.0], [0.0, 0.7]])
+THICKNESS = np.array([[0.3, 2.0], [0.01, 0.05], [0.0, 30.0], [1.0, 1e3], [0.2, 0.0]])
+GROUND = np.array([0.5, 0.9, 0.0, 1.0, 0.8])
+
+
+def grid() -> list:
+    """Surfaces; those that are usual are quick."""
+    quick = [(0.1, 1.5), (0.5, 2.5)]
+    surfaces = itertools.product((0.02, 0.1, 0.5, 1.0), (1.05, 1.5, 2.5))
+    return [pytest.param(*each, marks=[] if each in quick else pytest.mark.slow) for each in surfaces]
+
+
+@pytest.mark.parametrize(("roughness", "index"), grid())
+def test_white_paint_on_white_ground_gives_all_light_back(roughness, index):
+    cosines = np.linspace(0.05, 1, 5)
+    given = {"roughness": roughness, "refractive_index": index, "cos_incidence": cosines}
+    body = rough.rough_hemispherical_reflectance([1.0, 1.0], [0.3, 2.0], 1.0, tolerance=1e-4, **given)
+    assert np.max(np.abs(body + rough.surface_albedo(**given) - 1.0)) < 1e-4
+
+
+@pytest.mark.parametrize("roughness", [0.003, 0.05, 0.3, 1.0])
+@pytest.mark.parametrize("index", [1.05, 1.5, 2.5])
+def test_surface_keeps_all_energy_on_both_sides(roughness, index):
+    made = resolve(index, roughness, 1e-4).operators()
+    mu, weights = made.basis.cosines, made.basis.weights
+    # From the paint: back, or out. Out is what enters, by reciprocity, integrated over air by another rule.
+    y, w = np.polynomial.legendre.leggauss(200)
+    air = (0.5 * (y + 1)) ** 2
+    flux = 2 * air * 0.5 * w * 2 * np.sqrt(air)
+    leaves = flux @ np.asarray(made.enters(air)) / index**2
+    assert np.allclose(made.back.sum(axis=0) + leaves, 2 * weights * mu, atol=2e-5)
+    assert np.allclose(made.leaves, index**2 * leaves, atol=2e-5 * index**2)
+    assert np.array_equal(made.back, made.back.T)
+    # From air: reflected, by the surface's own BRDF integrated over the hemisphere, or let in.
+    if roughness >= 0.3:
+        azimuth = 180 * 0.5 * (y[None] + 1)
+        for cosine in (0.3, 0.9):
+            factor = rough.surface_reflectance_factor(
+                cosine, air[:, None], azimuth, roughness=roughness, refractive_index=index
+            )
+            total = float(flux @ (np.asarray(factor) @ (0.5 * w)))
+            expected = rough.surface_albedo(cosine, roughness=roughness, refractive_index=index)
+            assert abs(total - float(expected)) < 5e-5
+
+
+def test_incidence_and_viewing_exchanged_give_the_same():
+    there = rough.rough_reflectance_factor(
+        ALBEDO, THICKNESS, GROUND, roughness=0.2, cos_incidence=0.3, cos_viewing=COSINES
+    )
+    back = rough.rough_reflectance_factor(
+        ALBEDO, THICKNESS, GROUND, roughness=0.2, cos_incidence=COSINES, cos_viewing=0.3
+    )
+    assert np.allclose(there, back, rtol=1e-12, atol=0)
+    surface = [rough.surface_reflectance_factor(a, b, 40.0, roughness=0.2) for a, b in ((0.3, COSINES), (COSINES, 0.3))]
+    assert np.allclose(*surface, rtol=1e-12, atol=0)
+
+
+def test_smooth_surface_is_the_smooth_solver_to_the_last_digit():
+    stack = ALBEDO, THICKNESS, GROUND
+    cosines = {"cos_incidence": COSINES, "tolerance": 1e-4}
+    ours = rough.rough_reflectance_factor(*stack, roughness=0.0, **cosines)
+    assert np.array_equal(ours, gj.stack_reflectance_factor(*stack, **cosines))
+    ours = gj.rough_hemispherical_reflectance(*stack, roughness=0, **cosines)
+    assert np.array_equal(ours, gj.stack_hemispherical_reflectance(*stack, **cosines))
+
+
+def test_a_little_roughness_changes_little():
+    stack = ALBEDO, THICKNESS, GROUND
+    cosines = {"cos_incidence": COSINES[::-1], "cos_viewing": COSINES, "tolerance": 1e-4}
+    smooth = gj.stack_reflectance_factor(*stack, **cosines)
+    steps = [
+        float(np.max(np.abs(rough.rough_reflectance_factor(*stack, roughness=a, **cosines) - smooth)))
+        for a in (0.03, 0.003, 3e-4)
+    ]
+    # At these angles it changes as the square of the roughness and, at the critical angle, faster; grazing, slower.
+    assert steps[0] > 3 * steps[1]
+    assert steps[1] < 3e-3
+    assert steps[2] < 3e-4
+
+
+def test_ports_are_the_reflectance_over_any_ground():
+    grounds = np.array([0.0, 0.3, 1.0])[:, None]
+    given = {"roughness": 0.2, "cos_incidence": COSINES, "cos_viewing": 0.6}
+    ports = rough.rough_ports(ALBEDO, THICKNESS, **given)
+    assert np.allclose(
+        ports.reflectance(grounds), rough.rough_reflectance_factor(ALBEDO, THICKNESS, grounds, **given), atol=1e-12
+    )
+    other = rough.rough_ports(ALBEDO, THICKNESS, roughness=0.2, cos_incidence=0.6, cos_viewing=COSINES)
+    assert np.allclose(ports.incidence, other.viewing, rtol=1e-10, atol=1e-300)
+    assert np.allclose(ports.back, other.back, rtol=1e-12)
+    assert np.all((ports.back >= 0) & (ports.back < 1))
+    # A ground of one keeps what is not absorbed: S + out = 1 for clear layers.
+    clear = rough.rough_ports([1.0], [0.5], roughness=0.2, cos_viewing=None)
+    assert abs(float(clear.back + clear.viewing / 1.5) - 1) < 1e-4
+
+
+def test_ports_of_a_smooth_surface_are_those_of_the_smooth_solver():
+    given = {"cos_incidence": COSINES, "cos_viewing": 0.6}
+    for index in (1.0, 1.5):
+        ports = rough.rough_ports(ALBEDO, THICKNESS, refractive_index=index, tolerance=1e-5, **given)
+        ours = ports.reflectance(GROUND)
+        theirs = gj.stack_reflectance_factor(ALBEDO, THICKNESS, GROUND, refractive_index=index, **given)
+        assert np.max(np.abs(ours - theirs)) < 2e-5
+
+
+PATHS = [
+    (0.1, 1.5, [0.8], [1.0], 0.5, 0.8),
+    (0.3, 1.5, [0.99, 0.5], [0.3, 0.5], 0.9, 0.3),
+    (1.0, 1.5, [0.7], [5.0], 0.0, 1.0),
+    (0.05, 1.7, [0.9], [0.2], 0.8, 0.15),
+]
+
+
+@pytest.mark.parametrize("case", PATHS, ids=str)
+def test_paths_followed_facet_by_facet_agree(case):
+    roughness, index, albedo, thickness, ground, cosine = case
+    edges = np.array([0.0, 0.2, 0.4, 0.6, 0.8, 0.95, 1.0])
+    surface = rough_paths.Rough(roughness, index)
+    found = rough_paths.simulate(surface, np.array(albedo), np.array(thickness), ground, cosine, 200_000, edges)
+    y, w = np.polynomial.legendre.leggauss(6)
+    low, width = edges[:-1, None], np.diff(edges)[:, None]
+    views = low + 0.5 * (y + 1) * width
+    given = {"roughness": roughness, "refractive_index": index, "cos_incidence": cosine}
+    factor = rough.rough_reflectance_factor(albedo, thickness, ground, cos_viewing=views, **given)
+    bins = np.sum(np.asarray(factor) * 2 * views * 0.5 * w * width, axis=1)
+    assert np.all(np.abs(bins - found.bins) < 4 * found.bins_error + 1e-4)
+    assert abs(bins.sum() - found.flux) < 4 * found.flux_error + 1e-4
+    assert abs(float(rough.surface_albedo(**given)) - found.surface) < 4 * found.surface_error
+    lost = rough_paths.Loss(surface)
+    ours = rough.loss_constant(roughness=roughness, refractive_index=index)
+    assert abs(ours / (np.pi * lost.constant) - 1) < 4 / np.sqrt(lost.cosine.size)
+
+
+def _value(albedo, thickness, ground, light, view):
+    return rough.rough_reflectance_factor(
+        albedo, thickness, ground, roughness=0.2, cos_incidence=light, cos_viewing=view, tolerance=1e-3
+    )
+
+
+POINT = (jnp.array([0.9, 0.6]), jnp.array([0.4, 1.5]), jnp.array(0.7), jnp.array(0.8), jnp.array(0.35))
+
+
+def test_gradients_are_those_of_differences():
+    slopes = jax.grad(_value, argnums=tuple(range(5)))(*POINT)
+    evaluate = jax.jit(_value)
+    for k, slope in enumerate(slopes):
+        for place in np.ndindex(slope.shape):
+            step = 1e-5
+
+            def moved(by, k=k, place=place):
+                point = list(POINT)
+                point[k] = point[k].at[place].add(by)
+                return float(evaluate(*point))
+
+            difference = (moved(step) - moved(-step)) / (2 * step)
+            assert abs(difference - float(slope[place])) < 1e-7 + 1e-6 * abs(difference)
+    tangent = jax.jvp(_value, POINT, tuple(jnp.ones_like(x) for x in POINT))[1]
+    assert np.isclose(tangent, sum(float(jnp.sum(s)) for s in slopes), rtol=1e-10)
+
+
+def test_gradients_of_ports_are_those_of_differences():
+    def total(q, d):
+        ports = rough.rough_ports(q, d, roughness=0.2, cos_incidence=0.8, cos_viewing=0.4, tolerance=1e-3)
+        return 2.0 * ports.dark + ports.incidence - 3.0 * ports.viewing + ports.back
+
+    q, d = POINT[:2]
+    slopes = jax.grad(total, argnums=(0, 1))(q, d)
+    step = jnp.array([1e-5, 0.0])
+    evaluate = jax.jit(total)
+    assert np.isclose((evaluate(q + step, d) - evaluate(q - step, d)) / 2e-5, slopes[0][0], rtol=1e-6)
+    assert np.isclose((evaluate(q, d + step) - evaluate(q, d - step)) / 2e-5, slopes[1][0], rtol=1e-6)
+
+
+def test_values_and_gradients_are_finite_at_the_edges():
+    rows = list(itertools.product((0.0, 0.5, 1.0), (0.0, 1e-9, 1.0, 1e6), (0.0, 1.0), (1e-4, 1.0)))
+    q, d, g, c = (jnp.array(x) for x in zip(*rows, strict=True))
+    q, d = (jnp.stack([x, x[::-1]], axis=1) for x in (q, d))
+    value = _value(q, d, g, c, c[::-1])
+    assert np.all((np.asarray(value) >= -1e-4) & np.isfinite(value))
+    slopes = jax.grad(lambda *a: jnp.sum(_value(*a)), argnums=(0, 1, 2, 3))(q, d, g, c, c[::-1])
+    assert all(np.all(np.isfinite(s)) for s in slopes)
+
+
+def test_jit_and_vmap_and_loop_give_the_same():
+    g, c = jnp.asarray(GROUND), jnp.asarray(COSINES)
+    whole = _value(ALBEDO, THICKNESS, g, c, c[::-1])
+    mapped = jax.vmap(_value)(jnp.asarray(ALBEDO), jnp.asarray(THICKNESS), g, c, c[::-1])
+    assert np.allclose(jax.jit(_value)(ALBEDO, THICKNESS, g, c, c[::-1]), whole, rtol=1e-12)
+    assert np.allclose(mapped, whole, rtol=1e-12)
+    assert np.isclose(_value(ALBEDO[1], THICKNESS[1], g[1], c[1], c[3]), whole[1], rtol=1e-12)
+
+
+def test_an_index_for_each_band_is_each_index_by_itself():
+    index = np.array([1.5, 1.5, 1.7, 1.5, 1.7])
+    given = {"roughness": 0.2, "cos_incidence": COSINES, "tolerance": 1e-3}
+    both = rough.rough_reflectance_factor(ALBEDO, THICKNESS, GROUND, refractive_index=index, **given)
+    for one in (1.5, 1.7):
+        alone = rough.rough_reflectance_factor(ALBEDO, THICKNESS, GROUND, refractive_index=one, **given)
+        assert np.array_equal(np.asarray(both)[index == one], np.asarray(alone)[index == one])
+    surface = rough.surface_albedo(COSINES, roughness=0.2, refractive_index=index)
+    assert np.isclose(surface[2], rough.surface_albedo(COSINES[2], roughness=0.2, refractive_index=1.7))
+
+
+@settings(max_examples=20)
+@given(
+    st.lists(st.tuples(st.floats(0, 1), st.floats(0, 50)), min_size=2, max_size=2),
+    st.floats(0, 0.9),
+    st.floats(0.02, 1),
+)
+def test_body_lies_between_nothing_and_what_enters(layers, ground, cosine):
+    q, d = np.array(layers).T
+    flux = [
+        float(rough.rough_hemispherical_reflectance(q, d, g, roughness=0.2, cos_incidence=cosine, tolerance=1e-3))
+        for g in (ground, ground + 0.1)
+    ]
+    most = 1 - float(rough.surface_albedo(cosine, roughness=0.2))
+    assert -1e-3 <= flux[0] <= flux[1] + 1e-12 <= most + 1e-3
+
+
+def test_single_precision_is_as_good_as_it_can_be():
+    arguments = ALBEDO, THICKNESS, GROUND
+    exact = rough.rough_reflectance_factor(*arguments, roughness=0.2, cos_viewing=COSINES, tolerance=1e-3)
+    with jax.enable_x64(False):
+        single = rough.rough_reflectance_factor(*arguments, roughness=0.2, cos_viewing=COSINES, tolerance=1e-3)
+    assert single.dtype == jnp.float32
+    assert np.max(np.abs(np.asarray(single, float) - exact)) < 3e-5
+
+
+@pytest.mark.usefixtures("unchecked")
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"roughness": 1.2}, "roughness is 1.2; it must be in"),
+        ({"roughness": -0.1}, "roughness is -0.1"),
+        ({"roughness": float("nan")}, "roughness is nan"),
+        ({"roughness": np.array([0.1, 0.2])}, "one known number"),
+        ({"refractive_index": 1.0}, "refractive_index holds 1.0; under a rough surface"),
+        ({"refractive_index": 2.6}, "refractive_index holds 2.6"),
+        ({"cos_viewing": 0.0}, "cos_viewing holds 0.0"),
+        ({"albedo": [1.5]}, "albedo holds 1.5"),
+        ({"tolerance": 0.0}, "tolerance is 0.0"),
+        ({"optical_thickness": [1.0, 2.0, 3.0], "albedo": [0.5, 0.5]}, "albedo has 2 layers"),
+    ],
+)
+def test_bad_input_is_one_clear_sentence(change, words):
+    arguments = {"albedo": [0.5], "optical_thickness": [1.0], "substrate_reflectance": 0.5, "roughness": 0.2} | change
+    with pytest.raises(ValueError, match=words):
+        rough.rough_reflectance_factor(**arguments)
+
+
+@pytest.mark.usefixtures("unchecked")
+def test_what_must_be_known_is_not_traced():
+    with pytest.raises(ValueError, match="roughness must be one known number"):
+        jax.jit(lambda a: rough.rough_reflectance_factor([0.5], [1.0], 0.5, roughness=a))(0.2)
+    with pytest.raises(ValueError, match="refractive_index is traced"):
+        jax.jit(lambda n: rough.rough_reflectance_factor([0.5], [1.0], 0.5, roughness=0.2, refractive_index=n))(1.5)
+    with pytest.raises(ValueError, match="mirror direction only"):
+        rough.surface_reflectance_factor(0.5, 0.5, roughness=0.0)
+    with pytest.raises(ValueError, match="side 'below' is unknown"):
+        rough.surface_loss(0.5, roughness=0.1, side="below")  # pyright: ignore[reportArgumentType]
+
+
+def test_operators_are_made_once():
+    surface = resolve(1.5, 0.2, 1e-3)
+    assert operators(*surface) is surface.operators()
