@@ -47,7 +47,7 @@ def materials(folder: Path) -> dict[str, tuple[dict[str, Any], dict[str, Any] | 
     plastic |= {"diffuse_reflectance": spectrum(colour, WAVELENGTHS), "nonlinear": True}
     flat = {"type": "diffuse", "reflectance": spectrum(colour, WAVELENGTHS)}
     textured: dict[str, Any] = {"thickness": brush_strokes(64, 3e-6)}
-    ground = textured | {"ground": np.full((8, 8), 0.8)}
+    ground: dict[str, Any] = textured | {"ground": np.full((8, 8), 0.8)}
     return {
         "roughplastic": (plastic, flat),
         "measured export": (

@@ -45,7 +45,13 @@ def test_directions_are_drawn_as_the_density_says(mitsuba, coats, roughness):
         wi = [float(np.sin(angle)), 0.0, float(np.cos(angle))]
         sample, density = BSDFAdapter("glaze", given, wi=wi, ctx=context)
         test = ChiSquareTest(
-            domain=SphericalDomain(), sample_func=sample, pdf_func=density, sample_dim=3, sample_count=200_000, res=61
+            domain=SphericalDomain(),
+            sample_func=sample,
+            pdf_func=density,
+            sample_dim=3,
+            sample_count=200_000,
+            res=61,
+            ires=16,
         )
         assert test.run(significance_level=0.001), angle
 

@@ -164,17 +164,18 @@ class GlazeBSDF:
         lit = active & (si.wi.z > 0.0)
         flags, last = mi.BSDFFlags, self._last
         body = ctx.is_enabled(flags.DiffuseReflection, last)
-        surface = self._surface is not None and ctx.is_enabled(self._surface.kind, 0)
+        lobe: Any = self._surface
+        surface = lobe is not None and ctx.is_enabled(lobe.kind, 0)
         ops, varying = DrJit(mi, dr, lit), self._varying(si, lit)
         here = None
         if body and valued:
             ground = None if self._ground is None else self._ground_at(si, lit)
             here = table.at_point(ops, self._body, varying, list(si.wavelengths), ground)
-        if not (surface and body):
+        if lobe is None or not (surface and body):
             return _Point(lit, surface, body, mi.Float(1.0 if surface else 0.0), here)
         within = dr.maximum(dr.detach(si.wi.z), _LEAST_COSINE)
         below = table.mean_albedo(ops, self._body, within, {name: dr.detach(x) for name, x in varying.items()})
-        above = self._surface.albedo(within)
+        above = lobe.albedo(within)
         # Neither is left out for good.
         share = dr.clip(above / dr.maximum(above + below, 1e-6), 0.02, 0.98)
         return _Point(lit, surface, body, share, here)

@@ -143,9 +143,9 @@ def _parts(albedo: Array, depth: Array, surface: Resolved) -> Float[Array, "stac
     (slopes,) = back(jnp.ones_like(value))
     slopes = slopes.reshape(stacks, pairs + 1, 2, n)
     # The form is bilinear: its slope by one beam is the matrix times the other.
-    matrix = slopes[:, :-1, ::-1].reshape(stacks, 2 * pairs, n)[:, :n] / surface.index**2
+    matrix = slopes[:, :-1, ::-1].reshape(stacks, 2 * pairs, n)[:, :n] / surface.refractive_index**2
     matrix = 0.5 * (matrix + jnp.swapaxes(matrix, 1, 2))
     itself = value.reshape(stacks, -1)[:, -1:]
-    through = 2.0 * slopes[:, -1, 0] / (surface.index * itself)
+    through = 2.0 * slopes[:, -1, 0] / (surface.refractive_index * itself)
     rows, columns = np.triu_indices(n)
     return jnp.concatenate([matrix[:, rows, columns], through, 1.0 - 4.0 / itself], axis=1)

@@ -30,6 +30,7 @@ _SHAPES, _BETWEEN_ANGLES, _BETWEEN_NODES = 0.1, 0.05, 0.05
 _TRIES = 3
 _LEAST_COSINE = 1e-3
 _QUADRATURE = 64
+_GRAZING = 1e-6
 
 
 @dataclass(frozen=True)
@@ -49,7 +50,7 @@ class Body:
         lines: shapes of the light that gets to the ground, (angles, packets, 4); None where the ground is in `pairs`.
         line_weights: of them, (nodes, bands, 2^axes, packets + 1, 4); the first of the last packet is S.
         mean_weights: `pair_weights` over the mean ground, mean of the bands, (nodes, 2^axes, packets, 4).
-        albedo_shapes: `pairs` over all directions of the second angle, (angles, packets, 4).
+        albedo_shapes: `pairs` over all directions of the second angle, without `let_in`, (angles, packets, 4).
         packets: of the shapes over two angles, and of those over one (0 without).
         error: estimated largest absolute error of the reflectance factor in a band, for any ground.
         tolerance: what was asked for.
@@ -198,7 +199,7 @@ def mean_albedo(ops: Arithmetic, body: Body, cos_in: Any, varying: dict[str, Any
     """Share of light from one direction that the body gives back, mean of the bands, over the mean ground."""
     shapes = lookup.line_sum(ops, body.albedo_shapes, angle_at(ops, body, cos_in), body.packets[0])
     weights = lookup.node_sum(ops, body.mean_weights, nodes_at(ops, body, varying), body.packets[0])
-    return ops.clip(_dots(ops, shapes, weights), 0.0, 1.0)
+    return ops.clip(_dots(ops, shapes, weights) * body.surface.let_in(ops, cos_in), 0.0, 1.0)
 
 
 def _dots(ops: Arithmetic, one: list[Any], two: list[Any]) -> Any:
@@ -234,8 +235,10 @@ def _compressed(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> 
         counts = tuple(max(c, _line_count(through, k, limit)) for k, c in enumerate(counts))
     cosines, measure = _hemisphere()
     onto_sphere = lagrange(2.0 * surface.coordinate(NUMPY, cosines) - 1.0, n) * measure[:, None]
-    steps = surface.cosine(np.linspace(0.0, 1.0, count))
-    sphere = (surface.known(NUMPY, steps[:, None], cosines) * np.ones((count, cosines.size))) @ onto_sphere
+    # Without what it lets in, which is not straight between nodes where light grazes.
+    steps = np.maximum(surface.cosine(np.linspace(0.0, 1.0, count)), _GRAZING)
+    rest = surface.known(NUMPY, steps[:, None], cosines) / surface.let_in(NUMPY, steps[:, None])
+    sphere = (rest * np.ones((count, cosines.size))) @ onto_sphere
     albedo = np.einsum("ai,aj,kij->ak", to_grid, sphere, squares)
     pairs = np.einsum("ai,bj,kij->abk", to_grid, to_grid, squares)
     return Body(
