@@ -3,8 +3,8 @@
     python -m benchmarks.figures [NAME ...]
 
 prints them. `figure("scaling.million_seconds")` is the text that the docs say, `value` the number before rounding. What
-stands before the dot is the file of results. The lists are `benchmarks/figures_optics.py` and `figures_paints.py`;
-`tests/test_numbers.py` holds README and docs to them.
+stands before the dot is the file of results. The lists are `benchmarks/figures_optics.py`, `figures_paints.py` and
+`figures_render.py`; `tests/test_numbers.py` holds README and docs to them.
 """
 
 import argparse
@@ -188,7 +188,7 @@ def _all() -> dict[str, Figure]:
     """The list; the modules that fill it import this one."""
     # Run as a program, this module is a second one.
     listed = importlib.import_module("benchmarks.figures")._LISTED
-    for part in ("optics", "paints"):
+    for part in ("optics", "paints", "render"):
         importlib.import_module(f"benchmarks.figures_{part}")
     return listed
 

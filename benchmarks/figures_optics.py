@@ -230,8 +230,6 @@ add(
 )
 add("scene_speed", ".1f s", first=found(r"first, with compilation: (\S+) s"), again=found(r"again: (\S+) s"))
 add("scene_speed", ".0f %", left_out=found(r"left out: (\d+)%"))
-_scenes = [cell(scene, 0) for scene in ("diffuse", "copper", "glaze")]
-add("mitsuba_compare", ".2f %", least=least(*_scenes), most=most(*_scenes))
 
 # Paper C.
 add(

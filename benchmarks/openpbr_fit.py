@@ -24,17 +24,17 @@ from glazejax.stacks import all_paints
 
 REVISION = 1
 
-STACKS = (
-    ("ultramarine 1 um on white", "UltramarineBlue:1um", 0.9, 1.5),
-    ("ultramarine 3 um over zinc white", "UltramarineBlue:3um,ZincWhite:20um", 0.9, 1.5),
-    ("eosin 2 um on white", "Eosin:2um", 0.9, 1.5),
-    ("viridian 4 um over chrome yellow", "ViridianGreen:4um,ChromeYellow:20um", 0.9, 1.5),
-    ("cochineal 10 um over vermilion", "Cochineal:10um,Vermillion:20um", 0.9, 1.5),
-    ("zinc white 100 um", "ZincWhite:100um", 0.9, 1.5),
-    ("chrome yellow 50 um", "ChromeYellow:50um", 0.9, 1.5),
-    ("bone black 30 um", "BoneBlack:30um", 0.9, 1.5),
-    ("zinc white 3 um on a dark ground", "ZincWhite:3um", 0.05, 1.5),
-    ("cobalt blue 5 um on grey, index 1.6", "CobaltBlue:5um", 0.4, 1.6),
+STACKS: tuple[tuple[str, tuple[str, float, float]], ...] = (
+    ("ultramarine 1 um on white", ("UltramarineBlue:1um", 0.9, 1.5)),
+    ("ultramarine 3 um over zinc white", ("UltramarineBlue:3um,ZincWhite:20um", 0.9, 1.5)),
+    ("eosin 2 um on white", ("Eosin:2um", 0.9, 1.5)),
+    ("viridian 4 um over chrome yellow", ("ViridianGreen:4um,ChromeYellow:20um", 0.9, 1.5)),
+    ("cochineal 10 um over vermilion", ("Cochineal:10um,Vermillion:20um", 0.9, 1.5)),
+    ("zinc white 100 um", ("ZincWhite:100um", 0.9, 1.5)),
+    ("chrome yellow 50 um", ("ChromeYellow:50um", 0.9, 1.5)),
+    ("bone black 30 um", ("BoneBlack:30um", 0.9, 1.5)),
+    ("zinc white 3 um on a dark ground", ("ZincWhite:3um", 0.05, 1.5)),
+    ("cobalt blue 5 um on grey, index 1.6", ("CobaltBlue:5um", 0.4, 1.6)),
 )
 """Name, coats, ground and refractive index of each stack."""
 
@@ -57,7 +57,7 @@ def main() -> None:
 
 def _table(out: results.Results) -> None:
     rows, seconds = [], []
-    for name, *stack in STACKS:
+    for name, stack in STACKS:
         truth = angular_colour(glaze(*stack), space="acescg")
         fits = {}
         for layering in LAYERINGS:
@@ -105,7 +105,7 @@ def _rough(out: results.Results) -> None:
     out("a rough surface (alpha of GGX), the body by glazejax.radiative.rough: fits for materialx and for reciprocal")
     out(f"{'stack':37}{'alpha':>6}" + f"{'albedo':>9}{'dE, sky':>8}{'lamp':>6}{'RMS':>8}" * 2)
     for number in DRAWN:
-        name, *stack = STACKS[number]
+        name, stack = STACKS[number]
         for alpha in (0.1, 0.3):
             truth = angular_colour(glaze(*stack), roughness=alpha, space="acescg")
             line = f"{name:37}{alpha:6g}"
@@ -141,7 +141,7 @@ def _figure():
     words = "Left half of each sphere: computed. Right half: OpenPBR. A lamp 50° above the eye, without the gloss."
     figure.suptitle(words, fontsize=10)
     for row, number in zip(axes, DRAWN, strict=True):
-        name, *stack = STACKS[number]
+        name, stack = STACKS[number]
         made = glaze(*stack)
         table, grid = glaze_table(made, made.wavelengths, tolerance=1e-4), made.wavelengths
         weights, white = gj.colour.colour_weights(grid), gj.colour.white_point(grid)

@@ -20,7 +20,7 @@ EXEMPT = [
     (r"thickness 0 to 1e6, albedo 0 to 1|cosines down to 4e-4", "what tests/radiative try"),
     (r"\b[\d,]+(?: x [\d,]+)+\b", "sizes of pictures and tables"),
     (
-        r"\b[\d,]+ (?:wavelengths|bands|layers|coats?|pixels|paints|patches|angles|directions|incidences|acrylics)\b",
+        r"\b[\d,]+ (?:wavelengths|bands|layers|coats?|pixels|paints|patches|angles|directions|incidences|acrylics|albedos|factors)\b",
         "sizes",
     ),
     (
@@ -38,7 +38,12 @@ EXEMPT = [
     (r"ΔE00 (?:1|0\.001)\b|more than \.02 |error no larger than \| 17 % \| 0\.1 %|above \.9|more than 3:", "limits"),
     (r"(?i)\b(?:figures?|tables?|section|order) \d+(?:\.\d+)?(?:(?:,| and| to) \d+)*", "parts of the papers"),
     (r"y = 0\.597|printed 0\.607", "the paper's primaries; benchmarks/object_colour_figures.py has both"),
-    (r"commit \w+|Mitsuba 3", "versions"),
+    (r"commit \w+|Mitsuba 3|MaterialX 1\.39", "versions"),
+    (r"Szirmay-Kalos 2001", "the year of a paper"),
+    (r"\b\d+°|\b\d+ degrees\b|alpha \.\d\b|roughness 0\.2\b|64 pairs", "settings"),
+    (r"\b[Vv]arnish of 1\.5|\b(?:paint|tint) of 1\.\d\b", "indices of benchmarks/layered_stacks.py"),
+    (r"\.44 \(n 1\.3\) to \.70 \(n 1\.7\)", "Fresnel's formulas: K of even light inside, as the page gives it"),
+    (r"1\.2 errors of 2e-4", "of other paths, followed once for one value"),
     (r"under 0\.05", "the file says 0.0"),
     (r"93 to 97 %", "of tests/fitting/test_recover.py"),
     (r"at 390\b", "a picture's width"),
