@@ -60,8 +60,8 @@ add(
 
 # A rough surface.
 add("rough_surface", ".1e", worst_1e3=cell("worst", 0), worst_1e4=cell("worst", 2), worst_1e5=cell("worst", 4))
-add("rough_surface", ".1f", times_1e3=cell("1e-03", 0))
-add("rough_surface", ".0f", times_1e4=cell("1e-04", 0), times_1e5=cell("1e-05", 0))
+add("rough_surface", ".1f times", times_1e3=cell("1e-03", 0))
+add("rough_surface", ".0f times", times_1e4=cell("1e-04", 0), times_1e5=cell("1e-05", 0))
 add("rough_surface", ".1f s", operators=cell("1e-05", 2))
 add("rough_surface", ".0f", random=found(r"over (\d+) random stacks"), timed=found(r"Time of (\d+) stacks"))
 
