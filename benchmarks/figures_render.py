@@ -175,7 +175,7 @@ add(
 add("layered_truth", ".1e", albedo_error=_max(_column(_AGREEMENT, 2)), factor_error=_max(_column(_AGREEMENT, 6)))
 add("layered_truth", ".0e", apart=_max(_column(_AGREEMENT, 9, lambda name: name.endswith(", smooth") and _one(name))))
 add("layered_truth", ".1e", surface_albedo=found(r"(?s)difference of an albedo\s+(\S+),"))
-add("layered_truth", ".0f %", surface_factor=found(r"difference of a reflection factor (\S+)", 100))
+add("layered_truth", ".2f %", surface_factor=found(r"difference of a reflection factor (\S+)", 100))
 
 # The rules.
 _SCALING, _RECIPROCAL_SCALING, _OPENPBR, _BELCOUR = range(1, 5)
@@ -234,7 +234,7 @@ for _key, _which in _KINDS.items():
         _read = _column(_TIMES, _k, _which)
         _style = ".1f ms" if _key == "smooth" or (_key, _what) == ("rough", "albedo") else ".0f ms"
         add("layered_truth", _style, **{f"{_what}_{_key}_least": _min(_read), f"{_what}_{_key}_most": _max(_read)})
-    add("layered_truth", ".0e", **{f"{_key}_error": _max(_column(_TIMES, 2, _which), _column(_TIMES, 6, _which))})
+    add("layered_truth", ".1e", **{f"{_key}_error": _max(_column(_TIMES, 2, _which), _column(_TIMES, 6, _which))})
 for _what, _k in (("albedo", 3), ("factor", 7)):
     _read = _column(_TIMES, _k)
     add("layered_truth", ".0f s", **{f"{_what}_paths_least": _min(_read), f"{_what}_paths_most": _max(_read)})
