@@ -29,7 +29,7 @@ EXEMPT = [
         "sizes",
     ),
     (r"(?:from 2 to 40|8192 or more|24 stacks|some 200 points|every second of the 200)", "sizes"),
-    (r"\b1e-?\d+\b", "tolerances asked for, which tests hold"),
+    (r"(?<![\d.])1e-?\d+\b", "tolerances asked for, which tests hold"),
     (r"\b(?:n|g|Q|dh) = [\d.]+", "settings"),
     (r"\b(?:index|indices) (?:of )?(?:exactly )?[\d.]+(?: to [\d.]+)?|all of 1 to 2\.5", "settings"),
     (r"noise of \.\d+|scatter of strength of 20 %|films of 25 µm|coarsening to 0\.04|times 0\.1\b", "settings"),
