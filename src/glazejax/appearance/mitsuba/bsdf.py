@@ -91,7 +91,7 @@ class GlazeBSDF:
             None if x is None or isinstance(x, float) else x for x in (given.thickness, given.fraction)
         )
         self._ground = self._ground_texture(given)
-        self.table = _table(
+        self.table: Body = _table(
             _text_of(given.coats),
             given.layer,
             _span(given.thickness, max(given.thickness_max, _LEAST_RANGE)),
@@ -104,16 +104,18 @@ class GlazeBSDF:
         )
         self._body = DrJit(mi, dr).body(self.table)
         above = self.table.surface
-        lobe: Any = Facets(mi, dr, above) if isinstance(above, Rough) else Mirror(mi, dr, above.refractive_index)
-        self._surface: Any = lobe if given.gloss else None
+        lobe: Facets | Mirror | None = None
+        if given.gloss:
+            lobe = Facets(mi, dr, above) if isinstance(above, Rough) else Mirror(mi, dr, above.refractive_index)
+        self._surface: Any = lobe
         flags = mi.BSDFFlags
         textured = any(x is not None for x in (self._thickness, self._fraction, self._ground))
         spatial = int(flags.SpatiallyVarying) if textured else 0
         self._diffuse = int(flags.DiffuseReflection)
-        self.m_components = [] if self._surface is None else [self._surface.flag | int(flags.FrontSide)]
-        self.m_components = [*self.m_components, self._diffuse | int(flags.FrontSide) | spatial]
+        body = self._diffuse | int(flags.FrontSide) | spatial
+        self.m_components: list[int] = [body] if lobe is None else [lobe.flag | int(flags.FrontSide), body]
         self._last = len(self.m_components) - 1
-        self.m_flags = int(np.bitwise_or.reduce(self.m_components))
+        self.m_flags: int = int(np.bitwise_or.reduce(self.m_components))
 
     def traverse(self, callback: Any) -> None:
         """Names the textures, which may be optimised."""

@@ -15,8 +15,8 @@ class Mirror:
     def __init__(self, mi: Any, dr: Any, refractive_index: float):
         self._mi = mi
         self._ops, self._surface = DrJit(mi, dr), Smooth(refractive_index)
-        self.kind = mi.BSDFFlags.DeltaReflection
-        self.flag = int(self.kind)
+        self.kind: Any = mi.BSDFFlags.DeltaReflection
+        self.flag: int = int(self.kind)
 
     def albedo(self, cosine: Any) -> Any:
         """Share of the light that it reflects."""
@@ -44,8 +44,8 @@ class Facets:
         self._mi, self._dr, self._ops = mi, dr, DrJit(mi, dr)
         self._surface = surface.on(self._ops.kept)
         self._facets = mi.MicrofacetDistribution(mi.MicrofacetType.GGX, surface.roughness, True)
-        self.kind = mi.BSDFFlags.GlossyReflection
-        self.flag = int(self.kind)
+        self.kind: Any = mi.BSDFFlags.GlossyReflection
+        self.flag: int = int(self.kind)
 
     def albedo(self, cosine: Any) -> Any:
         """Share of the light that it reflects."""

@@ -47,7 +47,8 @@ class Solver:
     """A glaze under a surface, asked for its parts."""
 
     def __init__(self, surface: Surface, glaze: Glaze, layer: int, tolerance: float):
-        self.surface, self.tolerance = surface, tolerance
+        self.surface: Surface = surface
+        self.tolerance: float = tolerance
         self._glaze, self._layer = glaze, layer
 
     def factor(self, points: dict[str, np.ndarray], cos_in: Any, cos_out: Any, ground: Any) -> np.ndarray:

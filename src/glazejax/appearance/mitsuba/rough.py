@@ -39,13 +39,14 @@ class Rough:
     """
 
     def __init__(self, refractive_index: float, roughness: float):
-        self.refractive_index, self.roughness = refractive_index, roughness
+        self.refractive_index: float = refractive_index
+        self.roughness: float = roughness
         self._resolved = resolve(refractive_index, roughness, FINEST)
         made = self._resolved.operators().table
         assert made is not None
         self._turn = float(made.turn)
         given: dict[str, Any] = {"refractive_index": refractive_index, "roughness": roughness}
-        self.lost = loss_constant(**given)
+        self.lost: float = loss_constant(**given)
         cosines = np.maximum(self.cosine(np.linspace(0.0, 1.0, _STEPS)), _LEAST_COSINE)
         albedo, loss = (np.asarray(f(cosines, **given), float) for f in (surface_albedo, surface_loss))
         # How much of what single facets lose comes back to the air.
