@@ -130,7 +130,7 @@ def calls(mi: Any, bsdf: dict[str, Any], count: int) -> list[tuple[Callable[[], 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    add_option(parser)
+    add_option(parser, count=20_000)
     parser.add_argument("--count", type=int, default=1_000_000, help="of a call (default: %(default)s)")
     options = parser.parse_args()
     import jax

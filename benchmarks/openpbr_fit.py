@@ -46,18 +46,19 @@ def glaze(coats: str, ground: float, index: float) -> gj.Glaze:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
-    results.add_option(parser)
+    results.add_option(parser, stacks=2)
+    parser.add_argument("--stacks", type=int, default=len(STACKS), help="so many of them (default: all)")
     parser.add_argument("--picture", action="store_true", help="also draw openpbr_fit.png: angle curves")
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     out = results.Results("openpbr_fit", options.out)
-    _table(out)
+    _table(out, options.stacks)
     out.save(_figure() if options.picture else None)
 
 
-def _table(out: results.Results) -> None:
+def _table(out: results.Results, count: int) -> None:
     rows, seconds = [], []
-    for name, stack in STACKS:
+    for name, stack in STACKS[:count]:
         truth = angular_colour(glaze(*stack), space="acescg")
         fits = {}
         for layering in LAYERINGS:
@@ -96,15 +97,15 @@ def _table(out: results.Results) -> None:
     for layering in LAYERINGS[1:]:
         ratio = [fits["materialx"].errors.rms / fits[layering].errors.rms for _, fits in rows]
         out(f"RMS of materialx over {layering}: {min(ratio):.2f} to {max(ratio):.2f}, median {np.median(ratio):.2f}")
-    _rough(out)
+    _rough(out, count)
     out(f"a fit takes {np.median(seconds):.2f} s (median), {max(seconds):.2f} s (most), angles computed")
 
 
-def _rough(out: results.Results) -> None:
+def _rough(out: results.Results, count: int) -> None:
     out()
     out("a rough surface (alpha of GGX), the body by glazejax.radiative.rough: fits for materialx and for reciprocal")
     out(f"{'stack':37}{'alpha':>6}" + f"{'albedo':>9}{'dE, sky':>8}{'lamp':>6}{'RMS':>8}" * 2)
-    for number in DRAWN:
+    for number in filter(lambda number: number < count, DRAWN):
         name, stack = STACKS[number]
         for alpha in (0.1, 0.3):
             truth = angular_colour(glaze(*stack), roughness=alpha, space="acescg")

@@ -93,7 +93,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--stacks", type=int, default=60, help="random stacks (default: %(default)s)")
     parser.add_argument("--surfaces", type=int, default=len(SURFACES), help="so many of them (default: all)")
-    results.add_option(parser)
+    results.add_option(parser, stacks=8, surfaces=1)
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
     say = results.Results("rough_surface", options.out)

@@ -130,7 +130,7 @@ def recover(
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    add_option(parser)
+    add_option(parser, size=12, steps=20)
     parser.add_argument("--size", type=int, default=48, help="texels along a side (default: %(default)s)")
     parser.add_argument("--steps", type=int, default=200, help="of the fit (default: %(default)s)")
     options = parser.parse_args()
