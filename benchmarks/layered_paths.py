@@ -60,14 +60,14 @@ def write(path: Path, tallies: dict[str, Tally]) -> None:
 
 
 def run(path: Path, minutes: float, say: Callable[[str], None] = print) -> dict[str, Tally]:
-    """Add paths for so long, always where the error is largest; the file grows every ten seconds."""
+    """Add paths for so long, and until each stack has some, always where the error is largest; the file grows."""
     tallies, end = read(path), time.monotonic() + 60.0 * minutes
     jobs = {key_of(s, k, i): (n, s, k, i) for n, s in enumerate(STACKS) for k in KINDS for i in INCIDENCES}
     left = {
         key: float(tallies[key].error.max()) / GOAL[job[2]] if key in tallies else np.inf for key, job in jobs.items()
     }
     kept = told = time.monotonic()
-    while time.monotonic() < end:
+    while time.monotonic() < end or max(left.values()) == np.inf:
         key = max(left, key=left.__getitem__)
         number, stack, kind, incidence = jobs[key]
         done = tallies[key].paths if key in tallies else 0

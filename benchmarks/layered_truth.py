@@ -52,7 +52,7 @@ def evaluate(stack: LayeredStack, tallies: dict[str, Tally]) -> Found:
 def main() -> None:
     """See the module."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    add_option(parser, paths_minutes=1.0, no_times=True)
+    add_option(parser, paths_minutes=0.1, no_times=True)
     parser.add_argument("--paths-minutes", type=float, default=0.0, help="follow paths for so long first")
     parser.add_argument("--no-times", action="store_true", help="leave the times out")
     options = parser.parse_args()

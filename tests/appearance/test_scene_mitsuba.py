@@ -145,7 +145,11 @@ def test_an_interrupted_picture_is_the_mean_of_its_passes(mi):
 
     found = path_trace(scene, samples=64, progress=told)
     assert found.done == 0.5
-    np.testing.assert_allclose(found.values[..., 1], 0.5, rtol=4e-3)
+    off = found.values[..., 1] / 0.5 - 1.0
+    # Random numbers differ from variant to variant; the noise that it tells says how far pixels may be off.
+    assert found.report.pixel_noise < 5e-3
+    assert np.abs(off).max() < 5.0 * found.report.pixel_noise
+    assert abs(off.mean()) < 5.0 * found.report.pixel_noise / np.sqrt(off.size)
 
 
 def test_a_users_own_variant_stays(mi):
