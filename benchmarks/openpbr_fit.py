@@ -15,10 +15,10 @@ import numpy as np
 import glazejax as gj
 from benchmarks import results
 from glazejax.appearance.exports import angular_colour, fit_openpbr
-from glazejax.appearance.exports.image_files import encoded_srgb
 from glazejax.appearance.exports.openpbr import LAYERINGS, reflectance_factor
 from glazejax.appearance.exports.rgb import rgb_of_xyz
 from glazejax.appearance.glaze.table import glaze_table
+from glazejax.colour import encoded_srgb
 from glazejax.paint.describe import name_paints, parse_layers
 from glazejax.stacks import all_paints
 

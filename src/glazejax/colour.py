@@ -383,15 +383,16 @@ def _lab_of_xyz(xp: ModuleType, values: Any, white: Any) -> Any:
 
 
 def _srgb_of_light(xp: ModuleType, values: Any, matrix: Any) -> Any:
-    return _encoded(xp, matmul(xp, values, matrix))
+    return encoded_srgb(matmul(xp, values, matrix), xp)
 
 
 def _clipped_srgb(xp: ModuleType, values: Any, matrix: Any) -> Any:
     # Rounding in the power would otherwise leave white a hair above 1.
-    return xp.clip(_encoded(xp, xp.clip(matmul(xp, values, matrix), 0.0, 1.0)), 0.0, 1.0)
+    return xp.clip(encoded_srgb(xp.clip(matmul(xp, values, matrix), 0.0, 1.0), xp), 0.0, 1.0)
 
 
-def _encoded(xp: ModuleType, linear: Any) -> Any:
+def encoded_srgb(linear: Any, xp: ModuleType = np) -> Any:
+    """Encoded sRGB of linear values, of any shape (IEC 61966-2-1); `xp` is numpy or jax.numpy, as the values are."""
     dark = linear <= _STRAIGHT
     above = xp.where(dark, 1.0, linear)
     power = 1.055 * (above ** (1 / 2.4) if xp is np else _root(above)) - 0.055

@@ -17,8 +17,9 @@ from glazejax.appearance.exports import (
     write_materialx,
     write_measured,
 )
-from glazejax.appearance.exports.image_files import encoded_srgb, normals, png
+from glazejax.appearance.exports.image_files import normals, png
 from glazejax.appearance.exports.materialx import Image
+from glazejax.colour import encoded_srgb
 from glazejax.commands.main import make_app
 from glazejax.paint.describe import Coat
 

@@ -73,8 +73,3 @@ def normals(height: Float[np.ndarray, "h w"], pixel: float) -> Float[np.ndarray,
     )
     slopes = np.stack([-columns, rows, np.ones(height.shape)], axis=-1)
     return 0.5 + 0.5 * slopes / np.linalg.norm(slopes, axis=-1, keepdims=True)
-
-
-def encoded_srgb(linear: Float[np.ndarray, "..."]) -> Float[np.ndarray, "..."]:
-    """Encoded sRGB of linear values from 0 to 1 (IEC 61966-2-1)."""
-    return np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * np.maximum(linear, 0.0031308) ** (1 / 2.4) - 0.055)

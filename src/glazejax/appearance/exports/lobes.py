@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...radiative.common.fresnel import dielectric_reflectance
+from ...radiative.common.quadrature import gauss
 
 SMOOTH = 1e-4
 """Below this alpha a surface counts as a mirror."""
@@ -106,8 +107,7 @@ def _one_albedo(mu: float, alpha: float, index: float | None) -> float:
 
     Source of the map: J. Dupuy, A. Benyoub, Sampling visible GGX normals with spherical caps (2023).
     """
-    nodes, weights = np.polynomial.legendre.leggauss(_NORMALS)
-    share, weights = 0.5 * (nodes + 1.0), 0.5 * weights
+    share, weights = gauss(_NORMALS)
     # The lobe is even in the azimuth: half of it is enough.
     turn = np.pi * (np.arange(_NORMALS) + 0.5) / _NORMALS
     sine = np.sqrt(1.0 - mu**2)

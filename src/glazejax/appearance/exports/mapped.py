@@ -15,6 +15,7 @@ from ...colour import colour_weights, delta_e_2000, white_point, xyz_to_lab
 from ...interpolated import interpolated
 from ...paint.media import Glaze, Layer, Mixture
 from ...radiative.common.fresnel import cos_refracted
+from ...radiative.common.quadrature import gauss
 from ...spectra import validate_wavelengths
 from ..glaze.solve import indices, on_grid
 from .angles import pair_spectra
@@ -164,8 +165,8 @@ class _Means:
     """The weighted means over angles whose values say which body, and which coat, come nearest."""
 
     def __init__(self, index: float, roughness: float, coat: bool):
-        nodes, steps = np.polynomial.legendre.leggauss(_NODES)
-        mu, lit = 0.5 * (nodes + 1.0), 0.5 * (nodes + 1.0) * steps
+        mu, weights = gauss(_NODES)
+        lit = 2.0 * mu * weights
         self.coat = coat
         # Paint is the same with light and eye exchanged: half of the pairs are enough.
         first, second = np.triu_indices(_NODES)

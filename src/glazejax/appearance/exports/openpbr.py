@@ -31,6 +31,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...radiative.common.fresnel import cos_refracted, dielectric_reflectance
+from ...radiative.common.quadrature import gauss
 from .lobes import SMOOTH, diffuse_factor, lobe_albedo, lobe_factor
 
 Layering: TypeAlias = Literal["materialx", "specification", "reciprocal"]
@@ -145,11 +146,10 @@ def directional_albedo(
 ) -> Float[np.ndarray, "*batch 3"]:
     """What is seen of an even white sky from an angle, the mirror reflection included, (..., 3)."""
     mu = np.asarray(cos_out, float)
-    nodes, weights = np.polynomial.legendre.leggauss(16)
-    light = 0.5 * (nodes + 1.0)
+    light, weights = gauss(16)
     turns = (np.arange(16) + 0.5) * (180.0 / 16)
     body = reflectance_factor(material, light[:, None], mu[..., None, None], turns, layering=layering, gloss=False)
-    found = np.einsum("...iac,i->...c", body, weights * light) / turns.size
+    found = np.einsum("...iac,i->...c", body, 2.0 * weights * light) / turns.size
     return found + surface_albedo(material, mu, layering=layering)
 
 
@@ -218,6 +218,5 @@ def _darkening(
 @lru_cache(maxsize=64)
 def mean_albedo(alpha: float, index: float) -> float:
     """Reflectance of a dielectric's outer surface for light from all sides, the hemispherical mean."""
-    nodes, weights = np.polynomial.legendre.leggauss(64 if alpha < SMOOTH else 16)
-    mu = 0.5 * (nodes + 1.0)
-    return float(np.sum(weights * mu * lobe_albedo(mu, alpha, index)))
+    mu, weights = gauss(64 if alpha < SMOOTH else 16)
+    return float(np.sum(2.0 * weights * mu * lobe_albedo(mu, alpha, index)))

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from ...colour import CIE_1931
+from ...colour import CIE_1931, encoded_srgb
 from ...extras import require
 from ...io.outputs import check_output
 from ...paint.media import MAX_THICKNESS, Glaze
@@ -16,7 +16,7 @@ from ...spectra import Numbers, concrete
 from ...stacks import Stack
 from .angles import angular_colour, check_roughness
 from .fit import Errors, colour_tuple, material_errors
-from .image_files import FORMATS, encoded_srgb, normals, write_image
+from .image_files import FORMATS, normals, write_image
 from .mapped import KINDS, MappedGlaze, mapped_colours
 from .materialx import Image, write_materialx
 from .openpbr import Layering, OpenPBR

@@ -14,6 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from ...radiative.common.quadrature import gauss
 from ...radiative.rough import loss_constant, rough_reflectance_factor, surface_albedo, surface_loss
 from ...radiative.rough.body import Lit, reflectance
 from ...radiative.rough.body import Surface as Resolved
@@ -50,9 +51,8 @@ class Rough:
         cosines = np.maximum(self.cosine(np.linspace(0.0, 1.0, _STEPS)), _LEAST_COSINE)
         albedo, loss = (np.asarray(f(cosines, **given), float) for f in (surface_albedo, surface_loss))
         # How much of what single facets lose comes back to the air.
-        x, weights = np.polynomial.legendre.leggauss(_QUADRATURE)
-        fine = 0.5 * (x + 1.0)
-        back = float(np.sum(np.pi * weights * fine * np.asarray(surface_loss(fine, **given), float))) / self.lost
+        fine, weights = gauss(_QUADRATURE)
+        back = float(np.sum(2.0 * np.pi * weights * fine * np.asarray(surface_loss(fine, **given), float))) / self.lost
         share = np.clip(loss * back / albedo, 0.0, 1.0)
         columns = np.stack([albedo, loss, share, 0.0 * share], axis=-1)
         self.table: Any = np.ascontiguousarray(columns[:, None], np.float32)

@@ -15,6 +15,7 @@ from numpy.polynomial import chebyshev
 
 from ...chebyshev_table import SAFETY, Axis, Mirrored, coefficients_from_nodes, extrema
 from ...paint.media import Glaze
+from ...radiative.common.quadrature import gauss
 from . import lookup
 from .coats import Axes
 from .lookup import NUMPY, Arithmetic, Place
@@ -355,9 +356,8 @@ def _packed(values: np.ndarray) -> np.ndarray:
 
 def _hemisphere() -> tuple[np.ndarray, np.ndarray]:
     """Cosines and weights of the integral over the hemisphere, 2 mu d mu."""
-    x, w = np.polynomial.legendre.leggauss(_QUADRATURE)
-    cosines = 0.5 * (x + 1.0)
-    return cosines, w * cosines
+    cosines, weights = gauss(_QUADRATURE)
+    return cosines, 2.0 * weights * cosines
 
 
 def _error(body: Body, solver: Solver, ground: np.ndarray | None) -> float:

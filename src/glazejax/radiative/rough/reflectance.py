@@ -58,23 +58,15 @@ def rough_reflectance_factor(
 
     Source: `glazejax.radiative.rough.facets`, `operators` and `body`.
     """
-    if check_surface(roughness, refractive_index) == 0.0:
-        return stack_reflectance_factor(
-            albedo,
-            optical_thickness,
-            substrate_reflectance,
-            refractive_index=refractive_index,
-            cos_incidence=cos_incidence,
-            cos_viewing=cos_viewing,
-            tolerance=tolerance,
-        )
-    given = {
+    given: dict[str, Any] = {
         "albedo": albedo,
         "optical_thickness": optical_thickness,
         "substrate_reflectance": substrate_reflectance,
         "cos_incidence": cos_incidence,
         "cos_viewing": cos_viewing,
     }
+    if check_surface(roughness, refractive_index) == 0.0:
+        return stack_reflectance_factor(**given, refractive_index=refractive_index, tolerance=tolerance)
     return evaluate(given, roughness, refractive_index, tolerance)
 
 
@@ -100,21 +92,14 @@ def rough_hemispherical_reflectance(
 
     Source: as `rough_reflectance_factor`.
     """
-    if check_surface(roughness, refractive_index) == 0.0:
-        return stack_hemispherical_reflectance(
-            albedo,
-            optical_thickness,
-            substrate_reflectance,
-            refractive_index=refractive_index,
-            cos_incidence=cos_incidence,
-            tolerance=tolerance,
-        )
-    given = {
+    given: dict[str, Any] = {
         "albedo": albedo,
         "optical_thickness": optical_thickness,
         "substrate_reflectance": substrate_reflectance,
         "cos_incidence": cos_incidence,
     }
+    if check_surface(roughness, refractive_index) == 0.0:
+        return stack_hemispherical_reflectance(**given, refractive_index=refractive_index, tolerance=tolerance)
     return evaluate(given, roughness, refractive_index, tolerance)
 
 
