@@ -34,6 +34,7 @@ extensions = [
     "reference",
     "results",
     "gallery",
+    "notebook_times",
     "offline",
 ]
 exclude_patterns = ["_build", "_ext"]

@@ -18,6 +18,7 @@ ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 sys.path.insert(0, str(DOCS / "_ext"))
 
+from notebook_times import too_slow  # noqa: E402
 from offline import faults_of  # noqa: E402
 from pages_of_repository import TEXTS, links_for_site  # noqa: E402
 
@@ -183,6 +184,14 @@ def test_the_site_asks_no_other_host():
     assert faults_of('<script src="https://cdn/x.js"></script>') == ["<script> asks for https://cdn/x.js"]
     assert faults_of('<link rel="stylesheet" href="//fonts/x.css">') == ["<link> asks for //fonts/x.css"]
     assert faults_of('<img src="c.png">') == ["the picture c.png has no words (alt)"]
+
+
+def test_a_notebook_that_runs_too_long_is_told():
+    told = too_slow({"notebooks/a": 61.0, "notebooks/b": 59.0, "notebooks/c": 125.0, "notebooks/d": None}, 60.0)
+    assert [one.split(" for")[0] for one in told] == ["notebooks/c ran", "notebooks/a ran"]
+    assert "125 s" in told[0]
+    assert "60" in told[0]
+    assert too_slow({"notebooks/a": 60.0}, 60.0) == []
 
 
 def test_links_work_on_the_site_and_on_the_forge():

@@ -1,8 +1,12 @@
-"""The directive `{gallery}`: pictures that the notebooks of this page's list drew, each a link to its notebook."""
+"""The directive `{gallery}`: pictures that the notebooks of this page's list drew, each a link to its notebook.
+
+With the time that it ran for.
+"""
 
 from typing import Any
 
 from docutils import nodes
+from notebook_times import seconds
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxDirective
 
@@ -33,7 +37,9 @@ def _fill(app: Sphinx, doctree: nodes.document, name: str) -> None:
             link = nodes.reference("", "", internal=True, refuri=app.builder.get_relative_uri(name, page))
             link += picture
             title = nodes.reference("", app.env.titles[page].astext(), internal=True, refuri=link["refuri"])
-            made += nodes.container("", link, nodes.paragraph("", "", title), classes=["of-gallery"])
+            took = seconds(app.env).get(page)
+            ran = nodes.Text("" if took is None else f" {took:.0f} s")
+            made += nodes.container("", link, nodes.paragraph("", "", title, ran), classes=["of-gallery"])
         place.replace_self(made)
 
 
