@@ -1,7 +1,7 @@
 """A notebook that runs for longer than a minute is a warning, which ends a build with -W: a reader would not wait.
 
-`GLAZEJAX_DOCS_SECONDS` is another limit, for a machine that is slow or has other work. Times count compiling; those of a
-notebook that is kept from an earlier build are of that build.
+`GLAZEJAX_DOCS_SECONDS` is another limit, for a machine that is slow or has other work. Times count compiling; those of
+a notebook that is kept from an earlier build are of that build.
 """
 
 import os
