@@ -18,6 +18,7 @@ ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 sys.path.insert(0, str(DOCS / "_ext"))
 
+from docstrings import as_links, join_returns  # noqa: E402
 from notebook_times import too_slow  # noqa: E402
 from offline import faults_of  # noqa: E402
 from pages_of_repository import TEXTS, links_for_site  # noqa: E402
@@ -184,6 +185,18 @@ def test_the_site_asks_no_other_host():
     assert faults_of('<script src="https://cdn/x.js"></script>') == ["<script> asks for https://cdn/x.js"]
     assert faults_of('<link rel="stylesheet" href="//fonts/x.css">') == ["<link> asks for //fonts/x.css"]
     assert faults_of('<img src="c.png">') == ["the picture c.png has no words (alt)"]
+
+
+def test_types_of_the_reference_are_links():
+    assert as_links("Films | None") == "`~.Films` | ``None``"
+    assert as_links("float") == "``float``"
+    assert as_links("Mapping[str, Films | None]") == "``Mapping[str, Films | None]``"
+
+
+def test_words_before_a_colon_are_no_type():
+    lines = [":returns: of each band.", ":rtype: What came back"]
+    join_returns(lines)
+    assert lines == [":returns: What came back: of each band."]
 
 
 def test_a_notebook_that_runs_too_long_is_told():

@@ -4,10 +4,11 @@ import ast
 import inspect
 import re
 import textwrap
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from pygments.lexers.special import TextLexer
-from sphinx.application import Sphinx
+if TYPE_CHECKING:
+    from docutils import nodes
+    from sphinx.application import Sphinx
 
 _SHORT = ("property", "attribute", "data")
 _kept: dict[str, list[str]] = {}
@@ -41,7 +42,17 @@ def _of_function(tree: ast.FunctionDef) -> dict[str, str]:
     return found
 
 
-def _list_attributes(app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
+def as_links(kind: str) -> str:
+    """A type in reStructuredText: names alone, as in `Instrument | None`, are links where they are ours."""
+    parts = kind.split(" | ")
+    # Not inside of brackets: the bars there are of the type in them.
+    if any(part.count("[") != part.count("]") for part in parts):
+        parts = [kind]
+    # The point before it: in whatever room it is.
+    return " | ".join(f"`~.{part}`" if re.fullmatch(r"(?!None$)[A-Z]\w*", part) else f"``{part}``" for part in parts)
+
+
+def _list_attributes(app: "Sphinx", what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
     """A section `Attributes:` becomes a list; napoleon would make links of its names, to whatever is called so.
 
     Of a property it would take what stands before a colon as its type.
@@ -58,31 +69,55 @@ def _list_attributes(app: Sphinx, what: str, name: str, thing: Any, options: Any
         line = lines[end]
         if found := re.match(r" {4}(\w+(?:, \w+)*): (.*)", line):
             kind = types.get(found[1].partition(",")[0])
-            made.append(f"* **{found[1]}**" + (f" (``{kind}``)" if kind else "") + f": {found[2]}")
+            made.append(f"* **{found[1]}**" + (f" ({as_links(kind)})" if kind else "") + f": {found[2]}")
         else:
             made.append(f"  {line.strip()}" if line.strip() else "")
         end += 1
     lines[at:end] = [*made, ""]
 
 
-def _add_types(app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
+def _add_types(app: "Sphinx", what: str, name: str, thing: Any, options: Any, lines: list[str]) -> None:
     """After napoleon: a type for each parameter that the docstring describes, and for what comes back."""
     if what in _SHORT:
         lines[:] = _kept.pop(name, lines)
     types = written_types(thing)
     for at in range(len(lines) - 1, -1, -1):
         if (found := re.match(r":param (\w+):", lines[at])) and found[1] in types:
-            lines.insert(at, f":type {found[1]}: ``{types[found[1]]}``")
+            lines.insert(at, f":type {found[1]}: {as_links(types[found[1]])}")
+    join_returns(lines)
     if what in ("function", "method") and types.get("return", "None") != "None":
         if lines and lines[-1] and not lines[-1].startswith((":", " ")):
             lines.append("")
-        lines += [f":rtype: ``{types['return']}``", ""]
+        lines += [f":rtype: {as_links(types['return'])}", ""]
 
 
-def setup(app: Sphinx) -> dict[str, Any]:
+def join_returns(lines: list[str]) -> None:
+    """Napoleon takes what stands before a colon in `Returns:` for the type; it is words, and goes back to them."""
+    before = [at for at, line in enumerate(lines) if line.startswith(":rtype: ")]
+    after = [at for at, line in enumerate(lines) if line.startswith(":returns: ")]
+    if before and after:
+        words = lines[before[0]].removeprefix(":rtype: ")
+        lines[after[0]] = f":returns: {words}: {lines[after[0]].removeprefix(':returns: ')}"
+        del lines[before[0]]
+
+
+def _dashes(app: "Sphinx", doctree: "nodes.document", page: str) -> None:
+    """Sphinx parts a parameter from its text by two hyphens, and would make a dash of those in options too."""
+    from docutils import nodes
+
+    for field in doctree.findall(nodes.field_body):
+        for text in list(field.findall(nodes.Text)):
+            if text.astext() == " -- ":
+                text.parent.replace(text, nodes.Text(" – "))
+
+
+def setup(app: "Sphinx") -> dict[str, Any]:
     """Called by Sphinx."""
+    from pygments.lexers.special import TextLexer
+
     app.setup_extension("sphinx.ext.autodoc")
     app.connect("autodoc-process-docstring", _list_attributes, priority=400)
     app.connect("autodoc-process-docstring", _add_types, priority=600)
+    app.connect("doctree-resolved", _dashes)
     app.add_lexer("rooms", TextLexer)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
