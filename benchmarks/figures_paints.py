@@ -162,7 +162,12 @@ add(
     reading_in_band=found(r"with it .*, (\S+)%;"),
 )
 add("prediction", ".0f", films=found(r"^all +(\d+) films"), reading_off=found(r"; (\d+) of \d+ above 3"))
-add("prediction", ".1f s", fit_again=found(r"^fit of all films, seconds \(first; compiled\) +[\d.]+; ([\d.]+)"))
+add(
+    "prediction",
+    ".1f s",
+    fit_first=found(r"\(first; compiled\) +([\d.]+);"),
+    fit_again=found(r"\(first; compiled\) +[\d.]+; ([\d.]+)"),
+)
 
 # Own tubes.
 _TUBES = [

@@ -29,7 +29,11 @@ SENTENCES = [
         "tolerance 1e-6; the worst of nine tolerances | {frontier.gradient}; {frontier.gradient_most} |",
     ),
     ("README.md", "at a tolerance of 1e-4, one geometry | {scaling.million_seconds} s"),
-    ("README.md", "ΔE00 | {colourchecker_recipes.within_one} of 24, {colourchecker_recipes.median}, {colourchecker_recipes.largest} |"),
+    (
+        "README.md",
+        "ΔE00 | {colourchecker_recipes.within_one} of 24, {colourchecker_recipes.median}, "
+        "{colourchecker_recipes.largest} |",
+    ),
     (
         "README.md",
         "with an unknown paint | {coverage.least}-{coverage.most} %; "
@@ -43,8 +47,8 @@ SENTENCES = [
     ("README.md", "in the same fit | {prediction.median}; {prediction.kubelka_munk_median} |"),
     (
         "README.md",
-        "and right, 2000 pixels of a million | {painting.seconds} s, {painting.large_memory} GiB; {painting.same_set} %, "
-        "{painting.map_right} % |",
+        "and right, 2000 pixels of a million | {painting.seconds} s, {painting.large_memory} GiB; "
+        "{painting.same_set} %, {painting.map_right} % |",
     ),
     (
         "README.md",
@@ -108,7 +112,12 @@ SENTENCES = [
         for name in _RIVALS
     ),
     *(
-        ("docs/accuracy.md", f"| {{cold_start.{name}_before_programs}} → {{cold_start.{name}_programs}} |")
+        (
+            "docs/accuracy.md",
+            f"| {{cold_start.{name}_before_empty}} → {{cold_start.{name}_empty}} | "
+            f"{{cold_start.{name}_before_again}} → {{cold_start.{name}_again}} | "
+            f"{{cold_start.{name}_before_programs}} → {{cold_start.{name}_programs}} |",
+        )
         for name in _COMMANDS
     ),
     *(

@@ -109,7 +109,7 @@ RESULTS = "[table](benchmarks/results/scaling.txt)"
         (f"Measured ({RESULTS}).\n\n# Another heading\n\nIt takes 0.7 s.", []),
         (f"| a million | 0.7 s | {RESULTS} |\n| another | 5 s | |", ["0.7 s"]),
         (f"- It takes 0.7 s.\n- It takes 0.6 to 0.9 s ({RESULTS}).", ["0.9 s"]),
-        (f"`0.7 s`, ![0.7](0.7.png), version-0.7, {{result}}`scaling.million_seconds` ({RESULTS}).", ["0.7"]),
+        (f"`0.45 s`, ![0.45](0.45.png), version-0.45, {{result}}`scaling.million_seconds` ({RESULTS}).", ["0.45"]),
     ],
 )
 def test_the_rule(markdown, wrong):
