@@ -41,6 +41,12 @@ add(
     conventional_errors=ratio(found(r"errors \S+ (\S+)$"), found(r"errors (\S+), \S+$")),
 )
 
+for _key, _row in (("1e2", "0.01"), ("1e4", "0.0001"), ("1e6", "1e-06"), ("1e8", "1e-08"), ("1e10", "1e-10")):
+    add("frontier", ".0e", **{f"error_{_key}": cell(f"glazejax n = 1.5                     {_row}", 0)})
+    for _what, _name in (("value", "glazejax n = 1.5          "), ("slopes", "glazejax n = 1.5, gradient")):
+        add("frontier", ".2f ms", **{f"{_what}_{_key}": cell(f"{_name}           {_row}", 1)})
+add("frontier", ".2f ms", value_1e3=cell("glazejax n = 1.5                     0.001", 1))
+
 for _key, _range in (
     ("layers", "2 to 40"),
     ("wavelengths", "251 to 4001"),
@@ -52,7 +58,15 @@ add("scaling", ".2f ms", layers_40=cell("40", 0))
 add("scaling", ".0f ms", layers_40_cdisort=cell("40", 2))
 add("scaling", ".2f s", million_seconds_exact=cell("1000000", 0, 1e-3), million_single=cell("1000000", 3, 1e-3))
 add("scaling", ".1f s", million_seconds=cell("1000000", 0, 1e-3), million_slopes=cell("1000000", 2, 1e-3))
-add("scaling", ".1f GiB", million_memory=cell("1000000", 1, 1 / 1024))
+add(
+    "scaling",
+    ".1f GiB",
+    million_memory=cell("1000000", 1, 1 / 1024),
+    one_memory=cell("1", 1, 1 / 1024, "stacks of 2 l"),
+)
+add("scaling", ".2f GiB", pixels_memory=cell("1048576", 1, 1 / 1024), pixels_few_memory=cell("4096", 1, 1 / 1024))
+add("scaling", ".2f s", pixels_seconds=cell("1048576", 0, 1e-3))
+add("scaling", ".0f MiB", layers_1_memory=cell("1", 1), layers_40_memory=cell("40", 1))
 add("profile_solver", ".0f µs", call=cell("41     1e-03", 1))
 add("profile_solver", ".1f µs", kernel=cell("41     1e-03", 3))
 add("profile_solver", ".0f", kernels=cell("41     1e-03", 2))
@@ -74,6 +88,8 @@ for _key, _words in (
     for _when, _row in ((_key, _words), (f"{_key}_before", f"{_words}, before")):
         add("cold_start", ".1f s", **{f"{_when}_empty": cell(_row, 0), f"{_when}_again": cell(_row, 1)})
         add("cold_start", ".0f", **{f"{_when}_programs": cell(_row, 4)})
+    for _k, _step in ((5, "trace"), (7, "compile"), (8, "again_trace"), (10, "again_load")):
+        add("cold_start", ".1f s", **{f"{_key}_{_step}": cell(_words, _k)})
 
 add("cold_start", ".1f s", **{"import": cell("import glazejax", 0), "import_again": cell("import glazejax", 1)})
 add("cold_start", ".0f", import_programs=cell("import glazejax", 4))

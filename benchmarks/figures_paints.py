@@ -7,7 +7,7 @@ from benchmarks.figures import Reader, add, below, cell, found, least, most
 
 # Recipes.
 add("colourchecker_recipes", ".1f s", first=found(r"at most: (\S+) s the first"), again=found(r"^(\S+) s again"))
-add("colourchecker_recipes", ".1f", magenta=cell("magenta", 0))
+add("colourchecker_recipes", ".1f", magenta=cell("magenta", 0), largest=cell("3      2", 1, after="at most  "))
 add("colourchecker_recipes", ".2f", median=cell("3      2", 0, after="at most  "))
 add("colourchecker_recipes", ".0f", within_one=cell("3      2", 2, after="at most  "))
 
@@ -72,6 +72,7 @@ for _n in range(1, 5):
 for _key, _row in (("noise", "noise only"), ("errors", "and errors of 5 %")):
     add("identification", ".0f", **{f"{_key}_rate": cell(_row, 1), f"{_key}_thorough_rate": cell(_row, 2)})
     add("identification", ".1f %", **{f"{_key}_same": cell(_row, 3), f"{_key}_off": cell(_row, 4)})
+    add("identification", ".1f %", **{f"{_key}_right": cell("both paints right:", 0, after=_row)})
 add("identification", ".0f", triples_rate=found(r"Sets of three too.*: (\d+) a second"))
 add(
     "identification",
@@ -161,6 +162,12 @@ add(
     reading_in_band=found(r"with it .*, (\S+)%;"),
 )
 add("prediction", ".0f", films=found(r"^all +(\d+) films"), reading_off=found(r"; (\d+) of \d+ above 3"))
+add(
+    "prediction",
+    ".1f s",
+    fit_first=found(r"\(first; compiled\) +([\d.]+);"),
+    fit_again=found(r"\(first; compiled\) +[\d.]+; ([\d.]+)"),
+)
 
 # Own tubes.
 _TUBES = [

@@ -10,7 +10,7 @@ from benchmarks.figures import Reader, add, below, cell, found, least, most, num
 
 # The ray caster beside Mitsuba.
 _SCENES = ("diffuse", "copper", "glaze", "map", "gloss")
-for _key, _k in (("", 0), ("noise_", 3)):
+for _key, _k in (("", 0), ("things_", 1), ("noise_", 3)):
     _cells = [cell(scene, _k) for scene in _SCENES]
     add("mitsuba_compare", ".2f %", **{f"{_key}least": least(*_cells), f"{_key}most": most(*_cells)})
 

@@ -23,18 +23,32 @@ _RIVALS = ("angle", "nnls", "nnls_log", "opaque", "film", "map")
 _COMMANDS = ("render", "recover", "recover_into", "identify", "recipe", "chart")
 SENTENCES = [
     ("README.md", "worst of 1000 stacks a setting | {calibrate_directions.worst}"),
-    ("README.md", "both at an error of 1e-8 | {frontier.cdisort_1e8}"),
-    ("README.md", "that of the value, tolerance 1e-6 | {frontier.gradient}"),
-    ("README.md", "A million stacks of two layers | {scaling.million_seconds} s"),
-    ("README.md", "median ΔE00 | {colourchecker_recipes.within_one} of 24, {colourchecker_recipes.median}"),
-    ("README.md", "500 simulated films of paints | {coverage.least}-{coverage.most} %"),
-    ("README.md", "symmetry for both; for neither | {many_flux_claims.both}; {many_flux_claims.neither}"),
-    ("README.md", "of 39 tints and shades left out of the fit | {truth.glazejax_mixtures} %"),
-    ("README.md", "left out of the fit: median ΔE00 | {prediction.median} |"),
+    ("README.md", "both at an error of 1e-4; 1e-8 | {frontier.cdisort_1e4}; {frontier.cdisort_1e8} |"),
     (
         "README.md",
-        "first set as a full search says, 2000 pixels of a million | {painting.seconds} s, "
-        "{painting.large_memory} GiB; {painting.same_set} % |",
+        "tolerance 1e-6; the worst of nine tolerances | {frontier.gradient}; {frontier.gradient_most} |",
+    ),
+    ("README.md", "at a tolerance of 1e-4, one geometry | {scaling.million_seconds} s"),
+    (
+        "README.md",
+        "ΔE00 | {colourchecker_recipes.within_one} of 24, {colourchecker_recipes.median}, "
+        "{colourchecker_recipes.largest} |",
+    ),
+    (
+        "README.md",
+        "with an unknown paint | {coverage.least}-{coverage.most} %; "
+        "{layers_inverted.one_ground}-{layers_inverted.shelf} % |",
+    ),
+    (
+        "README.md",
+        "one matrix as printed | {many_flux_claims.both}; {many_flux_claims.neither}; {many_flux_claims.matrix} |",
+    ),
+    ("README.md", "left out of the fit; with noise of .01 | {truth.glazejax_mixtures} %; {truth.met_noise} % |"),
+    ("README.md", "in the same fit | {prediction.median}; {prediction.kubelka_munk_median} |"),
+    (
+        "README.md",
+        "and right, 2000 pixels of a million | {painting.seconds} s, {painting.large_memory} GiB; "
+        "{painting.same_set} %, {painting.map_right} % |",
     ),
     (
         "README.md",
@@ -98,7 +112,12 @@ SENTENCES = [
         for name in _RIVALS
     ),
     *(
-        ("docs/accuracy.md", f"| {{cold_start.{name}_before_programs}} → {{cold_start.{name}_programs}} |")
+        (
+            "docs/accuracy.md",
+            f"| {{cold_start.{name}_before_empty}} → {{cold_start.{name}_empty}} | "
+            f"{{cold_start.{name}_before_again}} → {{cold_start.{name}_again}} | "
+            f"{{cold_start.{name}_before_programs}} → {{cold_start.{name}_programs}} |",
+        )
         for name in _COMMANDS
     ),
     *(

@@ -23,7 +23,7 @@ _WRONG, _INTERRUPTED = 2, 130
 def start_jax() -> None:
     """Double precision and a persistent compilation cache for a command (never at import).
 
-    A second run of the same command then starts 2-6 times faster.
+    A second run of the same command then takes 40 to 65 % of the first one's time (`benchmarks.cold_start`).
     """
     from .progress import doing
 

@@ -4,7 +4,7 @@ In the even-parity form the layer's matrix is diag(1/mu^2) - q z z^T with z_i = 
 rank-one term. Its eigenvalues lambda_j = kappa_j^2 lie one between each pair of neighbouring poles d_i = 1/mu_i^2
 and are the roots of the secular equation
 
-    1 = q sum_i z_i^2 / (d_i - lambda)          (paper A's characteristic equation for the discretised kernel)
+    1 = q sum_i z_i^2 / (d_i - lambda)          (the characteristic equation of S. Chandrasekhar's discrete ordinates)
 
 solved here for the offset r_j = (d_j - lambda_j)/q, which keeps its relative accuracy for any albedo q in [0, 1],
 0 and 1 included. Eigenvectors follow in closed form. For a fixed set of directions r_j depends on q alone.
