@@ -27,6 +27,7 @@ import numpy as np
 from benchmarks.results import Results, add_option
 
 REVISION = 1
+NEEDS = ("matplotlib",)
 
 GROUP = 100
 STEPS, BAND_STEPS, WALKERS, THIN = 2000, 1200, 16, 10

@@ -6,13 +6,16 @@ Every tint and shade of the measured films (revigo) is left out of a joint fit o
 with a 90 % band as wide as the other films left out say. Both models go through the same fit, with the same instrument
 and expectations; only what one film reflects differs. Mixing laws are compared the same way. Films of the same recipes
 are simulated too, faultless and with scatter of strength, and each measured mixture is calibrated by its reading over
-white and predicted over black. With --scan, what is expected beforehand is varied instead.
+white and predicted over black. With --scan, what is expected beforehand is varied instead; its lines are kept as they
+come, and a scan that was stopped goes on from there.
 """
 
 import argparse
 import dataclasses
+import json
 import sys
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -190,18 +193,28 @@ def table(scores: dict[str, Scores], recipes: Recipes) -> str:
     return "\n".join(lines)
 
 
-def scan(films: Films, recipes: Recipes) -> str:
-    """Prediction errors as expectations vary, a line each."""
+def scan(films: Films, recipes: Recipes, part: Path) -> str:
+    """Prediction errors as expectations vary, a line each; `part` holds the lines that are done, by revision and name.
+
+    Raises:
+        OSError: `part` cannot be written.
+    """
+    part.parent.mkdir(parents=True, exist_ok=True)
+    done: dict[str, str] = json.loads(part.read_text()) if part.is_file() else {}
     lines = ["Delta E00 of films left out       mean  median  tints  shades  fitted  in 90 % band"]
     for changed in SCAN:
         name = ", ".join(f"{key} {value}" for key, value in changed.items()) or "as by default"
-        out = leave_out(films, recipes, name, expectations=Expectations(**changed)).out
-        of = kinds(out.names, recipes)
-        off = out.predicted.mean(axis=1)
-        lines.append(
-            f"{off.mean():>38.2f}{np.median(off):>8.2f}{off[of['tints']].mean():>7.2f}{off[of['shades']].mean():>8.2f}"
-            f"{out.fitted.mean():>8.2f}{out.inside.mean():>14.1%}   {name}"
-        )
+        key = f"revision {REVISION}, each {EVERY}: {name}"
+        if key not in done:
+            out = leave_out(films, recipes, name, expectations=Expectations(**changed)).out
+            of = kinds(out.names, recipes)
+            off = out.predicted.mean(axis=1)
+            done[key] = (
+                f"{off.mean():>38.2f}{np.median(off):>8.2f}{off[of['tints']].mean():>7.2f}"
+                f"{off[of['shades']].mean():>8.2f}{out.fitted.mean():>8.2f}{out.inside.mean():>14.1%}   {name}"
+            )
+            part.write_text(json.dumps(done, indent=1))
+        lines.append(done[key])
     return "\n".join(lines)
 
 
@@ -216,7 +229,8 @@ def main() -> None:
     folder = measured_data("revigo")
     films, recipes = read_films(folder / "reflectance.tsv"), read_names(folder / "mixtures.tsv")
     if options.scan:
-        text = scan(films, recipes)
+        part = options.out / "prediction_scan.part"
+        text = scan(films, recipes, part)
     else:
         models: dict[str, dict[str, Any]] = {
             "glazejax": {},
@@ -231,6 +245,8 @@ def main() -> None:
     for line in text.splitlines():
         results(line)
     results.save()
+    if options.scan:
+        part.unlink()
 
 
 if __name__ == "__main__":
