@@ -36,14 +36,14 @@ def main() -> None:
     catalogue = gj.catalogue.load()
     targets = colourchecker_targets()[: 4 if options.quick else None]
     results(
-        f"{len(catalogue)} paints of the catalogue, {len(targets)} patches of colour-science's 'BabelColor Average' chart, "
-        "D65, 2°"
+        f"{len(catalogue)} paints of the catalogue, {len(targets)} patches of colour-science's 'BabelColor Average' "
+        "chart, D65, 2°"
     )
 
     first = seconds_for(lambda: find_recipes(targets))
     results(
-        f"all {len(targets)}, three paints and two coats at most: {first:.1f} s the first time, with what was not compiled "
-        "before;"
+        f"all {len(targets)}, three paints and two coats at most: {first:.1f} s the first time, with what was not "
+        "compiled before;"
     )
     began = time.perf_counter()
     found = find_recipes(targets)
