@@ -13,7 +13,6 @@ come, and a scan that was stopped goes on from there.
 import argparse
 import dataclasses
 import json
-import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -22,11 +21,10 @@ import numpy as np
 from scipy.stats import spearmanr
 
 from benchmarks.kubelka_munk import KubelkaMunk
-from benchmarks.measured import measured_data
-from benchmarks.results import Results, add_option
+from benchmarks.measured import FEW, measured_films
+from benchmarks.results import Results, add_option, progress
 from glazefit.film.films import Films, Instrument, Noise, cards
 from glazefit.film.mixing import MixingLaw
-from glazefit.film.readers import read_films, read_names
 from glazefit.film.simulate import simulate_films
 from glazefit.recover.crossvalidation import LeftOut, leave_films_out, without
 from glazefit.recover.joint import UNIT, recover_jointly
@@ -72,6 +70,11 @@ class Scores:
     warm: float
 
 
+def mixtures(films: Films, recipes: Recipes) -> list[str]:
+    """Names of the films of several paints: a masstone says nothing of how paints mix."""
+    return [name for name in films.names if sum(weight > 0 for weight in recipes[name].values()) > 1]
+
+
 def leave_out(films: Films, recipes: Recipes, name: str, **given: Any) -> Scores:
     """Fit all films, twice for the time, and leave out every mixture in turn."""
     began = time.perf_counter()
@@ -81,11 +84,11 @@ def leave_out(films: Films, recipes: Recipes, name: str, **given: Any) -> Scores
     whole = recover_jointly(films, recipes, **given)
     warm = time.perf_counter() - began
 
-    def progress(film: str) -> None:
-        print(f"\r{name}: {film}      ", end="", file=sys.stderr, flush=True)
+    def tell(film: str) -> None:
+        progress(f"{name}: {film}")
 
-    chosen = films.names[::EVERY]
-    out = leave_films_out(whole, films, recipes, only=lambda film: film in chosen, progress=progress, **given)
+    chosen = mixtures(films, recipes)[::EVERY]
+    out = leave_films_out(whole, films, recipes, only=lambda film: film in chosen, progress=tell, **given)
     return Scores(out, seconds, warm)
 
 
@@ -224,10 +227,9 @@ def main() -> None:
     parser.add_argument("--scan", action="store_true", help="vary what is expected beforehand")
     options = parser.parse_args()
     if options.quick:
-        globals().update(EVERY=6)
+        globals().update(EVERY=2)
     start_jax()
-    folder = measured_data("revigo")
-    films, recipes = read_films(folder / "reflectance.tsv"), read_names(folder / "mixtures.tsv")
+    films, recipes = measured_films(FEW if options.quick else ())
     if options.scan:
         part = options.out / "prediction_scan.part"
         text = scan(films, recipes, part)
@@ -240,7 +242,7 @@ def main() -> None:
         text = table({name: leave_out(films, recipes, name, **given) for name, given in models.items()}, recipes)
         for more in (simulated_table(films, recipes), calibrated_table(films, recipes)):
             text += "\n\n" + "\n".join(more)
-    print("\r", end="", file=sys.stderr)
+    progress()
     results = Results("prediction_scan" if options.scan else "prediction", options.out)
     for line in text.splitlines():
         results(line)

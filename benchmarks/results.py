@@ -63,6 +63,12 @@ class _Quick(argparse.Action):
                 setattr(namespace, name, value)
 
 
+def progress(text: str = "") -> None:
+    """Say on a terminal's last line what is being done, and nothing in a log; without text, clear it."""
+    if sys.stderr.isatty():
+        print(f"\r{text:<40}" + "\r" * (not text), end="", file=sys.stderr, flush=True)
+
+
 class Results:
     """Prints what a benchmark says and keeps it; `save` writes it to the folder, with the head.
 
