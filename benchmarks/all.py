@@ -4,10 +4,12 @@
     python -m benchmarks.all --list
 
 Each runs in a process of its own, with `--quick`, and writes its results and NAME.log to FOLDER; the committed results
-stay as they are. What needs a package, a program, data or a GPU that is not here is left out and said. The table at
-the end is written to all.txt as it grows, so that nothing is lost when the run is stopped; `--resume` goes on from
-there. Figures are those of `benchmarks.figures` that the small run has too; one that differs from the committed one by
-more than `--factor` is told. That is a hint and no fault: sizes are small, and other machines have other times.
+stay as they are. What needs a package, a program, data or a GPU that is not here is left out and said, and so are parts
+of a benchmark, such as one of several programs it compares. The table at the end is written to all.txt as it grows, so
+that nothing is lost when the run is stopped; `--resume` goes on from there and runs again what failed. The exit status
+is 0 if nothing failed, 1 if something did, 130 if the run was stopped. Figures are those of `benchmarks.figures` that
+the small run has too; one that differs from the committed one by more than `--factor` is told. That is a hint and no
+fault: sizes are small, and other machines have other times.
 """
 
 import argparse
@@ -15,19 +17,24 @@ import difflib
 import importlib.util
 import math
 import os
+import re
 import resource
 import shutil
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple, NoReturn
+from typing import Literal, NamedTuple, NoReturn
 
 from benchmarks import figures
 from benchmarks.results import FOLDER, HERE, QUICK_FOLDER, declared, head, modules
 
-SECONDS = 180.0
+# Ends what hangs; each takes a minute or two of two idle cores.
+SECONDS = 600.0
+# Last line of the log of a benchmark that ran to its end.
+ENDED = re.compile(r"ended well after ([\d.]+) s, processor ([\d.]+) s")
 
 
 class Outcome(NamedTuple):
@@ -36,14 +43,10 @@ class Outcome(NamedTuple):
     name: str
     seconds: float
     processor: float  # seconds of all its cores and processes, which a busy machine changes less
+    kind: Literal["ran", "failed", "left out", "stopped"]
     ended: str  # exit status, or why there is none
     figures: int = 0
     apart: tuple[str, ...] = ()
-
-    @property
-    def good(self) -> bool:
-        """It ran to its end, or was left out with a reason."""
-        return self.ended in ("0", "done before") or not self.seconds
 
 
 def lacks(need: str) -> str:
@@ -65,9 +68,9 @@ def lacks(need: str) -> str:
     return "" if importlib.util.find_spec(name) else f"no package {name}"
 
 
-def missing(module: Path) -> str:
-    """All that a benchmark lacks here, in words."""
-    return ", ".join(filter(None, map(lacks, declared(module, "NEEDS", ()))))
+def missing(module: Path, what: str = "NEEDS") -> str:
+    """All that a benchmark lacks here, in words; with `PARTS_NEED`, what only parts of it need."""
+    return ", ".join(filter(None, map(lacks, declared(module, what, ()))))
 
 
 def run(module: Path, folder: Path, limit: float) -> str:
@@ -104,14 +107,27 @@ def compared(result: str, folder: Path, factor: float) -> tuple[int, tuple[str, 
     return count, tuple(apart)
 
 
-def table(outcomes: list[Outcome], factor: float) -> str:
-    """One line a benchmark, then the figures that are apart."""
+def summary(outcomes: list[Outcome], unreached: Sequence[str] = ()) -> str:
+    """One sentence: how many ran, and which did not."""
+    ran = sum(one.kind == "ran" for one in outcomes)
+    words = [f"{ran} of {len(outcomes) + len(unreached)} ran to the end"]
+    for kind in ("failed", "stopped", "left out"):
+        if names := [one.name for one in outcomes if one.kind == kind]:
+            words.append(f"{len(names)} {kind}: {', '.join(names)}")
+    if unreached:
+        words.append(f"{len(unreached)} not reached: {', '.join(unreached)} (--resume goes on from there)")
+    return "; ".join(words)
+
+
+def table(outcomes: list[Outcome], factor: float, unreached: Sequence[str] = ()) -> str:
+    """One line a benchmark, a sentence, then the figures that are apart."""
     lines = [f"{'benchmark':<24}{'seconds':>9}{'cpu':>9}{'figures':>9}{'apart':>7}  exit status, or why not"]
     for one in outcomes:
         counts = f"{one.figures:>9}{len(one.apart):>7}" if one.figures else " " * 16
         seconds = f"{one.seconds:9.1f}{one.processor:9.1f}" if one.seconds else " " * 18
         lines.append(f"{one.name:<24}{seconds}{counts}  {one.ended}")
     lines.append(f"{'all':<24}{sum(one.seconds for one in outcomes):9.1f}{sum(one.processor for one in outcomes):9.1f}")
+    lines += ["", summary(outcomes, unreached)]
     if apart := [words for one in outcomes for words in one.apart]:
         lines += ["", f"figures of small size that differ from the committed ones by more than a factor of {factor:g}:"]
         lines += [f"  {words}" for words in apart]
@@ -122,14 +138,15 @@ def listed() -> str:
     """Every module that is run by itself: what it asks, and what it lacks here."""
     ours = {module.stem: module for module in modules()}
     others = [p for p in sorted(HERE.glob("*.py")) if "\ndef main(" in p.read_text() and p.stem not in ours]
-    lines = [f"{name:<24}{first_words(module)}{_brackets(missing(module))}" for name, module in ours.items()]
+    lines = [f"{name:<24}{first_words(module)}{_brackets(module)}" for name, module in ours.items()]
     lines += ["", "not run by this: they make files that ship or show, or ask the results"]
     lines += [f"{path.stem:<24}{first_words(path)}" for path in others]
     return "\n".join(lines)
 
 
-def _brackets(words: str) -> str:
-    return f" [{words}]" if words else ""
+def _brackets(module: Path) -> str:
+    lack, parts = missing(module), missing(module, "PARTS_NEED")
+    return f" [{lack}]" if lack else f" [without parts: {parts}]" if parts else ""
 
 
 def first_words(module: Path) -> str:
@@ -151,12 +168,18 @@ def chosen(only: list[str] | None) -> list[Path]:
     return [ours[name] for name in only or ours]
 
 
-def done_before(module: Path, folder: Path) -> bool:
-    """Whether the folder holds its small result, of today's revision."""
+def done_before(module: Path, folder: Path) -> tuple[float, float] | None:
+    """Seconds and processor seconds that it took, if the folder holds its small result of today's revision.
+
+    A result alone is not enough: a benchmark may have written it and failed later.
+    """
     try:
-        return head(module.stem, folder).revision == declared(module, "REVISION", 0)
-    except ValueError:
-        return False
+        ours = head(module.stem, folder).revision == declared(module, "REVISION", 0)
+        last = (folder / f"{module.stem}.log").read_text(errors="replace").splitlines()[-1:]
+    except (ValueError, OSError):
+        return None
+    found = ENDED.fullmatch(last[0]) if ours and last else None
+    return (float(found[1]), float(found[2])) if found else None
 
 
 def main() -> None:
@@ -190,37 +213,47 @@ def _processor() -> float:
 
 
 def run_all(benchmarks: list[Path], options: argparse.Namespace) -> int:
-    """Run them in turn; 0 if all that ran ended well, 130 if it was stopped."""
+    """Run them in turn; 0 if none failed, 130 if it was stopped."""
     folder = options.out.resolve()
     folder.mkdir(parents=True, exist_ok=True)
     # Whoever stops this process, by either signal, stops the child too.
     for kind in (signal.SIGINT, signal.SIGTERM):
         signal.signal(kind, _stop)
     outcomes: list[Outcome] = []
-    stopped = False
     print(f"results and logs go to {folder}")
-    for module in benchmarks:
-        name, began, spent = module.stem, time.monotonic(), _processor()
-        if lack := missing(module):
-            outcomes.append(Outcome(name, 0.0, 0.0, f"left out: {lack}"))
-        elif options.resume and done_before(module, folder):
-            outcomes.append(Outcome(name, 0.0, 0.0, "done before", *compared(name, folder, options.factor)))
-        else:
-            print(f"{name} ...", end="", flush=True)
-            try:
-                ended = run(module, folder, options.limit)
-            except KeyboardInterrupt:
-                ended, stopped = "stopped", True
-            seconds = time.monotonic() - began
-            print(f" {seconds:.0f} s" + f", {ended}" * (ended != "0"), flush=True)
-            count, apart = compared(name, folder, options.factor) if ended == "0" else (0, ())
-            words = ended if ended == "0" else f"{ended}; see {name}.log"
-            outcomes.append(Outcome(name, seconds, _processor() - spent, words, count, apart))
-        (folder / "all.txt").write_text(table(outcomes, options.factor))
-        if stopped:
+    for number, module in enumerate(benchmarks, 1):
+        outcomes.append(outcome(module, folder, options))
+        unreached = [one.stem for one in benchmarks[number:]]
+        (folder / "all.txt").write_text(table(outcomes, options.factor, unreached))
+        if outcomes[-1].kind == "stopped":
             break
-    print(f"\n{table(outcomes, options.factor)}written to {folder}: all.txt")
-    return 130 if stopped else int(not all(one.good for one in outcomes))
+    print(f"\n{(folder / 'all.txt').read_text()}written to {folder}: all.txt")
+    kinds = {one.kind for one in outcomes}
+    return 130 if "stopped" in kinds else int("failed" in kinds)
+
+
+def outcome(module: Path, folder: Path, options: argparse.Namespace) -> Outcome:
+    """Run one benchmark, unless it lacks something or was done before; says so while it does."""
+    name, began, spent = module.stem, time.monotonic(), _processor()
+    if lack := missing(module):
+        return Outcome(name, 0.0, 0.0, "left out", f"left out: {lack}")
+    lack = missing(module, "PARTS_NEED")
+    parts = f"; without parts: {lack}" if lack else ""
+    if options.resume and (took := done_before(module, folder)):
+        return Outcome(name, *took, "ran", f"0, done before{parts}", *compared(name, folder, options.factor))
+    print(f"{name} ...", end="", flush=True)
+    try:
+        ended = run(module, folder, options.limit)
+    except KeyboardInterrupt:
+        ended = "stopped"
+    seconds, processor = time.monotonic() - began, _processor() - spent
+    print(f" {seconds:.0f} s" + f", {ended}" * (ended != "0"), flush=True)
+    if ended != "0":
+        kind = "stopped" if ended == "stopped" else "failed"
+        return Outcome(name, seconds, processor, kind, f"{ended}; see {name}.log")
+    with (folder / f"{name}.log").open("a") as log:
+        log.write(f"\nended well after {seconds:.1f} s, processor {processor:.1f} s\n")
+    return Outcome(name, seconds, processor, "ran", f"0{parts}", *compared(name, folder, options.factor))
 
 
 if __name__ == "__main__":

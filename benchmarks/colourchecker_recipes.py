@@ -19,6 +19,7 @@ from glazejax import colour
 from glazejax.commands.main import start_jax
 
 REVISION = 1
+NEEDS = ("matplotlib",)
 
 SEEN = gj.Bidirectional(45, 0)
 LIMITS = ((1, 1), (2, 1), (3, 1), (2, 2), (3, 2))
@@ -35,12 +36,14 @@ def main() -> None:
     catalogue = gj.catalogue.load()
     targets = colourchecker_targets()[: 4 if options.quick else None]
     results(
-        f"{len(catalogue)} paints of the catalogue, 24 patches of colour-science's 'BabelColor Average' chart, D65, 2°"
+        f"{len(catalogue)} paints of the catalogue, {len(targets)} patches of colour-science's 'BabelColor Average' "
+        "chart, D65, 2°"
     )
 
     first = seconds_for(lambda: find_recipes(targets))
     results(
-        f"all 24, three paints and two coats at most: {first:.1f} s the first time, with what was not compiled before;"
+        f"all {len(targets)}, three paints and two coats at most: {first:.1f} s the first time, with what was not "
+        "compiled before;"
     )
     began = time.perf_counter()
     found = find_recipes(targets)
@@ -77,7 +80,7 @@ def seconds_for(work) -> float:
 def compare(targets: list[Target], results: Results) -> None:
     """How near the best recipe comes with fewer paints and coats."""
     results("at most            dE00 of the nearest of five recipes")
-    results(f"{'paints':>6} {'coats':>6} {'median':>7} {'largest':>8} {'below 1':>8} {'s, all 24':>10}")
+    results(f"{'paints':>6} {'coats':>6} {'median':>7} {'largest':>8} {'below 1':>8} {f's, all {len(targets)}':>10}")
     for paints, coats in LIMITS:
         find_recipes(targets, max_paints=paints, max_layers=coats)
         began = time.perf_counter()

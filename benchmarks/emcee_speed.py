@@ -28,6 +28,7 @@ from benchmarks.coverage import simulate
 from benchmarks.results import Results, add_option
 
 REVISION = 1
+NEEDS = ("matplotlib",)
 
 WALKERS = (32, 128, 512)
 ROUNDS = 5

@@ -38,6 +38,8 @@ from benchmarks.results import Results, add_option
 from benchmarks.timing import interleaved
 
 REVISION = 1
+NEEDS = ("matplotlib",)
+PARTS_NEED = ("nanodisort", "sasktran2", "PythonicDISORT", "iadpython", "threadpoolctl")
 
 # Load average above which the times of long programs suffer more than those of short ones.
 LOADED = 0.7

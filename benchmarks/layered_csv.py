@@ -13,7 +13,7 @@ from benchmarks.layered_stacks import INCIDENCES, VIEWS, LayeredStack
 from benchmarks.layered_values import Surface, Values
 
 HEADER = """\
-Reflection of 24 layered paints: reference values by glazejax and by position-free Monte Carlo.
+Reflection of {count} layered paints: reference values by glazejax and by position-free Monte Carlo.
 Licence: CC0 1.0, https://creativecommons.org/publicdomain/zero/1.0/ - no rights reserved; no warranty.
 Made by `python -m benchmarks.layered_truth`; how, and how it was checked: docs/layered-truth.md of glazejax.
 stack: layers top first on a Lambertian ground. Each layer 's|k1 k2 k3|g|n': scattering s d, absorption k d in three
@@ -43,7 +43,7 @@ class Row(Protocol):
 def write_table(path: Path, all_found: Sequence) -> None:
     """One line for each stack, angle and band."""
     with path.open("w", newline="", encoding="utf-8") as file:
-        file.writelines(f"# {line}\n" for line in HEADER.splitlines())
+        file.writelines(f"# {line}\n" for line in HEADER.format(count=len(all_found)).splitlines())
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(
             [

@@ -2,7 +2,7 @@
 
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +12,10 @@ from tests.oracles.position_free import Stack, Tally, Views
 from benchmarks.layered_stacks import INCIDENCES, STACKS, VIEWS, LayeredStack
 
 KINDS = ("albedo", "factor")
-CHUNK = {"albedo": 20_000, "factor": 20_000}
+CHUNK = 20_000
+"""Paths side by side: their arrays stay in a cache."""
 GOAL = {"albedo": 1.0, "factor": 4.0}
 """Of the standard errors, relative to each other."""
-"""Paths side by side: their arrays stay in a cache."""
 
 
 def oracle_stack(stack: LayeredStack) -> Stack:
@@ -59,10 +59,26 @@ def write(path: Path, tallies: dict[str, Tally]) -> None:
     fresh.replace(path)
 
 
-def run(path: Path, minutes: float, say: Callable[[str], None] = print) -> dict[str, Tally]:
-    """Add paths for so long, and until each stack has some, always where the error is largest; the file grows."""
+def run(
+    path: Path,
+    minutes: float,
+    stacks: Sequence[LayeredStack] = STACKS,
+    paths: int = CHUNK,
+    say: Callable[[str], None] = print,
+) -> dict[str, Tally]:
+    """Add paths for so long, and until each stack has some, always where the error is largest; the file grows.
+
+    Args:
+        path: file of the sums.
+        minutes: how long at least.
+        stacks: those of `STACKS` to follow paths in.
+        paths: how many side by side.
+        say: gets a line a minute.
+    """
     tallies, end = read(path), time.monotonic() + 60.0 * minutes
-    jobs = {key_of(s, k, i): (n, s, k, i) for n, s in enumerate(STACKS) for k in KINDS for i in INCIDENCES}
+    jobs = {
+        key_of(s, k, i): (n, s, k, i) for n, s in enumerate(STACKS) if s in stacks for k in KINDS for i in INCIDENCES
+    }
     left = {
         key: float(tallies[key].error.max()) / GOAL[job[2]] if key in tallies else np.inf for key, job in jobs.items()
     }
@@ -73,15 +89,15 @@ def run(path: Path, minutes: float, say: Callable[[str], None] = print) -> dict[
         done = tallies[key].paths if key in tallies else 0
         # Paths so far are part of the seed: a later run draws others.
         rng = np.random.default_rng([number, KINDS.index(kind), int(incidence), done])
-        fresh = chunk(stack, kind, incidence, CHUNK[kind], rng)
+        fresh = chunk(stack, kind, incidence, paths, rng)
         tallies[key] = tallies[key].plus(fresh) if key in tallies else fresh
         left[key] = float(tallies[key].error.max()) / GOAL[kind]
         if time.monotonic() > kept + 10.0:
             write(path, tallies)
             kept = time.monotonic()
         if time.monotonic() > told + 60.0:
-            paths = sum(one.paths for one in tallies.values())
-            say(f"{paths:.3g} paths in all, largest error of an albedo {max(left.values()):.1e}")
+            total = sum(one.paths for one in tallies.values())
+            say(f"{total:.3g} paths in all, largest error of an albedo {max(left.values()):.1e}")
             told = time.monotonic()
     write(path, tallies)
     return tallies

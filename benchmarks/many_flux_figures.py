@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 REVISION = 1
+NEEDS = ("matplotlib",)
 
 BLUE, ORANGE, GREEN, RED, GREY = "#0072b2", "#d55e00", "#009e73", "#cc3366", "0.45"
 COLOURS = (BLUE, ORANGE, GREEN, RED, "#8060b0")

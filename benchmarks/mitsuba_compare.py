@@ -33,7 +33,7 @@ from glazejax.appearance.scene.shapes import Box, Plane, Shape, Sphere
 from glazejax.appearance.scene.variants import usable_variant
 
 REVISION = 2
-NEEDS = ("mitsuba",)
+NEEDS = ("mitsuba", "matplotlib")
 
 WAVELENGTHS = np.arange(400.0, 701.0, 10.0)
 

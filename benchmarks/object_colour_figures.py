@@ -31,6 +31,7 @@ from glazejax.appearance.metals import metal
 from glazejax.commands.main import start_jax
 
 REVISION = 1
+NEEDS = ("matplotlib",)
 
 ANGLES = np.arange(0.0, 87.6, 2.5)
 METALS = (COPPER, "copper", "gold", "silver", "aluminium")

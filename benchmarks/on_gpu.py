@@ -30,6 +30,7 @@ from benchmarks.results import Results, add_option
 
 REVISION = 1
 NEEDS = ("gpu",)
+NO_RESULT = "no machine with an NVIDIA GPU has run it yet"
 
 TABLES = ("frontier", "scaling", "savings", "identification")
 REPETITIONS = 5

@@ -23,6 +23,7 @@ from glazejax.paint.describe import name_paints, parse_layers
 from glazejax.stacks import all_paints
 
 REVISION = 1
+NEEDS = ("matplotlib",)
 
 STACKS: tuple[tuple[str, tuple[str, float, float]], ...] = (
     ("ultramarine 1 um on white", ("UltramarineBlue:1um", 0.9, 1.5)),

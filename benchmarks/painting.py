@@ -25,7 +25,7 @@ from glazefit.mapping.example import painting, write_painting
 from glazefit.mapping.scene import FOREIGN
 
 REVISION = 1
-NEEDS = ("zarr", "dask")
+NEEDS = ("zarr", "dask", "distributed")
 
 _SEED, _OTHER = 3, 4
 

@@ -31,6 +31,7 @@ from benchmarks.paper_tables import (
 from benchmarks.results import Results, add_option
 
 REVISION = 1
+NEEDS = ("matplotlib",)
 
 STEP, COARSE = 0.01, 0.04
 DRAWS = np.linspace(0.96, 1.04, 41)

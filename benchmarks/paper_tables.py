@@ -28,6 +28,7 @@ from glazejax.radiative.auxiliary.uniform import reflectance_factor
 from glazejax.radiative.common.linalg import solve_positive
 
 REVISION = 1
+NEEDS = ("matplotlib",)
 
 WAVELENGTHS = np.arange(380.0, 781.0, 10.0)
 INDEX, GROUND, THICKNESS = 1.5, 1.0, 12e-6

@@ -6,24 +6,25 @@ Every tint and shade of the measured films (revigo) is left out of a joint fit o
 with a 90 % band as wide as the other films left out say. Both models go through the same fit, with the same instrument
 and expectations; only what one film reflects differs. Mixing laws are compared the same way. Films of the same recipes
 are simulated too, faultless and with scatter of strength, and each measured mixture is calibrated by its reading over
-white and predicted over black. With --scan, what is expected beforehand is varied instead.
+white and predicted over black. With --scan, what is expected beforehand is varied instead; its lines are kept as they
+come, and a scan that was stopped goes on from there.
 """
 
 import argparse
 import dataclasses
-import sys
+import json
 import time
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from scipy.stats import spearmanr
 
 from benchmarks.kubelka_munk import KubelkaMunk
-from benchmarks.measured import measured_data
-from benchmarks.results import Results, add_option
+from benchmarks.measured import FEW, measured_films
+from benchmarks.results import Results, add_option, progress
 from glazefit.film.films import Films, Instrument, Noise, cards
 from glazefit.film.mixing import MixingLaw
-from glazefit.film.readers import read_films, read_names
 from glazefit.film.simulate import simulate_films
 from glazefit.recover.crossvalidation import LeftOut, leave_films_out, without
 from glazefit.recover.joint import UNIT, recover_jointly
@@ -69,6 +70,11 @@ class Scores:
     warm: float
 
 
+def mixtures(films: Films, recipes: Recipes) -> list[str]:
+    """Names of the films of several paints: a masstone says nothing of how paints mix."""
+    return [name for name in films.names if sum(weight > 0 for weight in recipes[name].values()) > 1]
+
+
 def leave_out(films: Films, recipes: Recipes, name: str, **given: Any) -> Scores:
     """Fit all films, twice for the time, and leave out every mixture in turn."""
     began = time.perf_counter()
@@ -78,11 +84,11 @@ def leave_out(films: Films, recipes: Recipes, name: str, **given: Any) -> Scores
     whole = recover_jointly(films, recipes, **given)
     warm = time.perf_counter() - began
 
-    def progress(film: str) -> None:
-        print(f"\r{name}: {film}      ", end="", file=sys.stderr, flush=True)
+    def tell(film: str) -> None:
+        progress(f"{name}: {film}")
 
-    chosen = films.names[::EVERY]
-    out = leave_films_out(whole, films, recipes, only=lambda film: film in chosen, progress=progress, **given)
+    chosen = mixtures(films, recipes)[::EVERY]
+    out = leave_films_out(whole, films, recipes, only=lambda film: film in chosen, progress=tell, **given)
     return Scores(out, seconds, warm)
 
 
@@ -190,18 +196,28 @@ def table(scores: dict[str, Scores], recipes: Recipes) -> str:
     return "\n".join(lines)
 
 
-def scan(films: Films, recipes: Recipes) -> str:
-    """Prediction errors as expectations vary, a line each."""
+def scan(films: Films, recipes: Recipes, part: Path) -> str:
+    """Prediction errors as expectations vary, a line each; `part` holds the lines that are done, by revision and name.
+
+    Raises:
+        OSError: `part` cannot be written.
+    """
+    part.parent.mkdir(parents=True, exist_ok=True)
+    done: dict[str, str] = json.loads(part.read_text()) if part.is_file() else {}
     lines = ["Delta E00 of films left out       mean  median  tints  shades  fitted  in 90 % band"]
     for changed in SCAN:
         name = ", ".join(f"{key} {value}" for key, value in changed.items()) or "as by default"
-        out = leave_out(films, recipes, name, expectations=Expectations(**changed)).out
-        of = kinds(out.names, recipes)
-        off = out.predicted.mean(axis=1)
-        lines.append(
-            f"{off.mean():>38.2f}{np.median(off):>8.2f}{off[of['tints']].mean():>7.2f}{off[of['shades']].mean():>8.2f}"
-            f"{out.fitted.mean():>8.2f}{out.inside.mean():>14.1%}   {name}"
-        )
+        key = f"revision {REVISION}, each {EVERY}: {name}"
+        if key not in done:
+            out = leave_out(films, recipes, name, expectations=Expectations(**changed)).out
+            of = kinds(out.names, recipes)
+            off = out.predicted.mean(axis=1)
+            done[key] = (
+                f"{off.mean():>38.2f}{np.median(off):>8.2f}{off[of['tints']].mean():>7.2f}"
+                f"{off[of['shades']].mean():>8.2f}{out.fitted.mean():>8.2f}{out.inside.mean():>14.1%}   {name}"
+            )
+            part.write_text(json.dumps(done, indent=1))
+        lines.append(done[key])
     return "\n".join(lines)
 
 
@@ -211,12 +227,12 @@ def main() -> None:
     parser.add_argument("--scan", action="store_true", help="vary what is expected beforehand")
     options = parser.parse_args()
     if options.quick:
-        globals().update(EVERY=6)
+        globals().update(EVERY=2)
     start_jax()
-    folder = measured_data("revigo")
-    films, recipes = read_films(folder / "reflectance.tsv"), read_names(folder / "mixtures.tsv")
+    films, recipes = measured_films(FEW if options.quick else ())
     if options.scan:
-        text = scan(films, recipes)
+        part = options.out / "prediction_scan.part"
+        text = scan(films, recipes, part)
     else:
         models: dict[str, dict[str, Any]] = {
             "glazejax": {},
@@ -226,11 +242,13 @@ def main() -> None:
         text = table({name: leave_out(films, recipes, name, **given) for name, given in models.items()}, recipes)
         for more in (simulated_table(films, recipes), calibrated_table(films, recipes)):
             text += "\n\n" + "\n".join(more)
-    print("\r", end="", file=sys.stderr)
+    progress()
     results = Results("prediction_scan" if options.scan else "prediction", options.out)
     for line in text.splitlines():
         results(line)
     results.save()
+    if options.scan:
+        part.unlink()
 
 
 if __name__ == "__main__":

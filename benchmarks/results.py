@@ -8,7 +8,7 @@ Every file begins with a head, two lines and an empty one:
 The load is how many processes wanted the processor in the minute before. The revision is the benchmark's: its module
 says `REVISION = 2`, and says 3 when the next change of code, there or in what it measures, alters its numbers.
 `tests/test_results.py` fails where a file is behind. `head` reads what stands there; of files that were made before
-heads were kept it says when they were committed.
+heads were kept it says when they were committed. A benchmark of which no result is kept says why: `NO_RESULT = "..."`.
 """
 
 import argparse
@@ -63,6 +63,12 @@ class _Quick(argparse.Action):
                 setattr(namespace, name, value)
 
 
+def progress(text: str = "") -> None:
+    """Say on a terminal's last line what is being done, and nothing in a log; without text, clear it."""
+    if sys.stderr.isatty():
+        print(f"\r{text:<40}" + "\r" * (not text), end="", file=sys.stderr, flush=True)
+
+
 class Results:
     """Prints what a benchmark says and keeps it; `save` writes it to the folder, with the head.
 
@@ -87,6 +93,8 @@ class Results:
         # The head comes with the first line: by then the benchmark has told JAX which device to take.
         if not self._lines:
             self._lines = new_head(self._name, self._packages)
+            if "--quick" in sys.argv:
+                self._lines += ["Small size (--quick): this shows that it runs; its numbers are worth nothing.", ""]
             print("\n".join(self._lines), flush=True)
         print(line, flush=True)
         self._lines.append(line.rstrip())

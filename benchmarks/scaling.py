@@ -30,6 +30,8 @@ from benchmarks.results import Results, add_option
 from benchmarks.timing import interleaved
 
 REVISION = 1
+NEEDS = ("matplotlib",)
+PARTS_NEED = ("nanodisort",)
 
 RELATIVE_ERROR = 1e-4
 TOLERANCES = (1e-2, 1e-3, 1e-4, 1e-5, 1e-6)

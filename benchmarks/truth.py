@@ -28,7 +28,7 @@ from glazejax import Bidirectional, Pigment
 from glazejax.commands.main import start_jax
 
 REVISION = 1
-NEEDS = ("data/revigo",)
+NEEDS = ("data/revigo", "matplotlib")
 
 COLOURLESS = ("ZincWhite", "LeadWhite", "BoneBlack", "BariumSulphate", "CalciumCarbonate")
 BINS = (0.0, 0.3, 0.5, 0.7, 0.9, 1.0001)

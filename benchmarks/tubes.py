@@ -22,12 +22,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from benchmarks.measured import measured_data
-from benchmarks.results import Results, add_option
+from benchmarks.measured import FEW, measured_films
+from benchmarks.results import Results, add_option, progress
 from glazefit import Films, Instrument, Noise, recover_films, simulate_films
 from glazefit.film.films import usual_cards
 from glazefit.film.loose import named_recipes
-from glazefit.film.readers import is_masstone, read_films, read_names
+from glazefit.film.readers import is_masstone
 from glazefit.film.simulate import simulate_paints
 from glazefit.recover.crossvalidation import leave_films_out
 from glazefit.recover.entries import PaintFile, entries
@@ -44,8 +44,10 @@ NEEDS = ("data/revigo",)
 
 NOISE = Noise(0.002, 0.0)
 LEVEL = 1.645
-# Simulations of each paint, and measured paints at most.
-SEEDS, MEASURED = 3, 100
+# Simulations of each paint, its instruments, measured paints at most, and how often the command is run.
+SEEDS, INSTRUMENTS, MEASURED, RUNS = 3, ("d:8", "45:0"), 100, 3
+# Measured films are those of these paints, of all if none is named.
+SHELF: tuple[str, ...] = ()
 WHITE, BLACK = "ZincWhite", "BoneBlack"
 
 
@@ -55,7 +57,7 @@ def film_by_film(say: Results) -> None:
     say(f"{'':<32}{'bands told apart':>18}{'k held':>9}{'s held':>9}")
     paints = list(catalogue.load().values())
     truth = np.stack([np.stack([p.absorption, p.scattering], axis=-1) for p in paints]) * UNIT
-    for words in ("d:8", "45:0"):
+    for words in INSTRUMENTS:
         instrument = Instrument.parse(words)
         measured = [
             simulate_paints(paints, UNIT, instrument=instrument, noise=NOISE, seed=seed) for seed in range(SEEDS)
@@ -171,18 +173,17 @@ def within(entry: Pigment, truth: np.ndarray) -> np.ndarray:
 
 def real(say: Results) -> None:
     """Measured paints: masstone and white tint in, other films out."""
-    folder = measured_data("revigo")
-    films, recipes = read_films(folder / "reflectance.tsv"), read_names(folder / "mixtures.tsv")
+    films, recipes = measured_films(SHELF)
     whole = recover_jointly(films, recipes)
     tubes = dict(list(paints_with_a_tint(films, recipes).items())[:MEASURED])
     others = {name for rows in tubes.values() for name in rows[2:]}
-    full = leave_films_out(whole, films, recipes, only=lambda name: name in others, progress=shown)
+    full = leave_films_out(whole, films, recipes, only=lambda name: name in others, progress=progress)
     full_off = dict(zip(full.names, full.predicted.mean(axis=1), strict=True))
     say(f"\nMeasured tubes (revigo): {len(tubes)} paints, masstone and white tint fitted, {len(others)} films foretold")
     say(f"{'':<46}{'dE00 of the tube':>18}{'foretold':>10}{'in 90 % band':>14}{'joint fit of all others':>26}")
     rows, sums = [], []
     for paint, names in tubes.items():
-        shown(paint)
+        progress(paint)
         use = np.array([paint not in recipes[name] for name in films.names], dtype=float)
         rest = recover_jointly(films, recipes, use=use, start=whole.unknowns)
         known = {name: rest.pigment(name, UNIT, "all other paints' films") for name in (WHITE, BLACK)}
@@ -199,6 +200,7 @@ def real(say: Results) -> None:
             other = full_off[guess.name]
             rows.append(f"{title:<46}{off:>18.2f}{guess.expected_error():>10.2f}{inside:>14.0%}{other:>26.2f}")
             sums.append((off, guess.expected_error(), inside, full_off[guess.name]))
+    progress()
     for row in rows:
         say(row)
     mean, median = np.mean(sums, axis=0), np.median(sums, axis=0)
@@ -217,11 +219,6 @@ def paints_with_a_tint(films: Films, recipes: dict[str, dict[str, float]]) -> di
             if tints and len(mine) > 1:
                 found[paint] = [name, tints[0], *(other for other in mine if other != tints[0])]
     return found
-
-
-def shown(text: str) -> None:
-    """Say on stderr what is being done."""
-    print(f"\r{text}        ", end="", file=sys.stderr, flush=True)
 
 
 def seconds(say: Results) -> None:
@@ -254,7 +251,7 @@ def seconds(say: Results) -> None:
             f"{folder}/mine.csv",
             "--overwrite",
         ]
-        for title in ("first, all to be compiled", "again", "again"):
+        for title in ("first, all to be compiled", "again", "again")[:RUNS]:
             began = time.perf_counter()
             subprocess.run(
                 words, check=True, capture_output=True, env={**os.environ, "GLAZEJAX_CACHE": f"{folder}/cache"}
@@ -274,11 +271,11 @@ def written(films: Films) -> str:
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    add_option(parser, paints=3)
+    add_option(parser, paints=2)
     parser.add_argument("--paints", type=int, default=100, help="simulated tubes, at most")
     options = parser.parse_args()
     if options.quick:
-        globals().update(SEEDS=1, MEASURED=2)
+        globals().update(SEEDS=1, INSTRUMENTS=("d:8",), MEASURED=1, RUNS=2, CASES=CASES[::3], SHELF=FEW)
     start_jax()
     results = Results("tubes", options.out)
     results("Own tubes: a masstone and a tint with a known white")

@@ -19,12 +19,15 @@ MADE = '''"""Says {name}."""
 import os, sys, time
 REVISION = 1
 NEEDS = {needs}
+PARTS_NEED = {parts}
 assert "--quick" in sys.argv
 out = sys.argv[sys.argv.index("--out") + 1]
 {body}
 head = "made 2026-11-23 by python -m benchmarks.{name} --quick; glazejax 0.1.0, revision 1"
 open(os.path.join(out, "{name}.txt"), "w").write(head + "\\n\\n1000000   1900   812   1032   481.8\\n")
+{after}
 '''
+AFTER = {"late": "raise SystemExit('no end')"}
 BODIES = {
     "broken": "raise SystemExit(3)",
     "endless": "open(os.path.join(out, 'pid'), 'w').write(str(os.getpid())); time.sleep(600)",
@@ -46,7 +49,9 @@ def made(tmp_path, monkeypatch):
 
     def make(*names, needs=()):
         for name in names:
-            text = MADE.format(name=name, needs=needs if name == "needy" else (), body=BODIES.get(name, ""))
+            given = {"body": BODIES.get(name, ""), "after": AFTER.get(name, "")}
+            parts = ("json", "no_such_peer") if name == "parted" else ()
+            text = MADE.format(name=name, needs=needs if name == "needy" else (), parts=parts, **given)
             (package / f"{name}.py").write_text(text)
         monkeypatch.setattr(runner, "HERE", package)
         monkeypatch.setattr(runner, "modules", lambda: [package / f"{name}.py" for name in names])
@@ -85,7 +90,7 @@ def test_the_list_names_every_benchmark():
 
 @pytest.mark.parametrize("module", modules(), ids=lambda path: path.stem)
 def test_what_a_benchmark_needs_is_understood(module):
-    for need in declared(module, "NEEDS", ()):
+    for need in (*declared(module, "NEEDS", ()), *declared(module, "PARTS_NEED", ())):
         assert need in ("gpu", "long") or need.startswith(("data/", "program/")) or need.isidentifier()
         assert isinstance(runner.lacks(need), str)
 
@@ -102,15 +107,41 @@ def test_each_runs_and_what_fails_does_not_stop_the_rest(made):
     out = made("one", "broken", "needy", "two", needs=("no_such_package", "data/none", "program/no-such-program"))
     code, table = ran(out)
     assert code == 1
-    rows = {line.split()[0]: line for line in table.splitlines()}
+    rows = {line.split()[0]: line for line in table.splitlines() if line}
     assert rows["one"].endswith("  0")
     assert rows["two"].endswith("  0")
     assert rows["broken"].endswith("  3; see broken.log")
     missing = "no package no_such_package, no measured data none (GLAZEJAX_DATA), no program no-such-program"
     assert rows["needy"].endswith(f"left out: {missing}")
+    assert "\n2 of 4 ran to the end; 1 failed: broken; 1 left out: needy\n" in table
     assert sorted(path.name for path in out.iterdir()) == [
         "all.txt", "broken.log", "one.log", "one.txt", "two.log", "two.txt"
     ]  # fmt: skip
+
+
+def test_left_out_alone_is_no_failure(made):
+    code, table = ran(made("one", "needy", needs=("gpu_of_nobody",)))
+    assert code == 0
+    assert "1 of 2 ran to the end; 1 left out: needy" in table
+
+
+def test_parts_that_are_left_out_are_said(made):
+    code, table = ran(made("parted"))
+    assert code == 0
+    assert "  0; without parts: no package no_such_peer\n" in table
+    assert "1 of 1 ran to the end" in table
+
+
+def test_what_fails_after_its_result_is_written_runs_again(made):
+    out = made("late", "one")
+    assert ran(out)[0] == 1
+    stamp = (out / "late.txt").stat().st_mtime_ns
+    code, table = ran(out, "--resume")
+    assert code == 1
+    assert (out / "late.txt").stat().st_mtime_ns > stamp
+    rows = {line.split()[0]: line for line in table.splitlines() if line}
+    assert rows["late"].endswith("  1; see late.log")
+    assert rows["one"].endswith("  0, done before")
 
 
 def test_what_takes_too_long_is_ended(made):
@@ -125,9 +156,13 @@ def test_what_is_done_is_kept_and_left_out_when_resumed(made):
     assert ran(out, "--only", "one")[0] == 0
     assert not (out / "two.txt").exists()
     stamp = (out / "one.txt").stat().st_mtime_ns
+    took = (out / "all.txt").read_text().splitlines()[1].split()[1:3]
     code, table = ran(out, "--resume")
     assert code == 0
-    assert "done before" in table
+    row = table.splitlines()[1]
+    assert row.startswith("one ")
+    assert row.endswith("  0, done before")
+    assert row.split()[1:3] == took, "the table tells what it took then"
     assert (out / "two.txt").exists()
     assert (out / "one.txt").stat().st_mtime_ns == stamp
     ran(out, "--only", "one")
@@ -167,10 +202,12 @@ def test_stopped_by_a_signal_it_ends_its_child_and_says_what_is_done(made, tmp_p
     process.send_signal(signal.SIGTERM)
     said, _ = process.communicate(timeout=30)
     assert process.returncode == 130
-    rows = {line.split()[0]: line for line in (out / "all.txt").read_text().splitlines()}
+    table = (out / "all.txt").read_text()
+    rows = {line.split()[0]: line for line in table.splitlines() if line}
     assert rows["one"].endswith("  0")
     assert "stopped; see endless.log" in rows["endless"]
     assert "two" not in rows
+    assert "1 of 3 ran to the end; 1 stopped: endless; 1 not reached: two (--resume goes on from there)" in table
     assert "stopped; see endless.log" in said
     with pytest.raises(ProcessLookupError):
         os.kill(int((out / "pid").read_text()), 0)

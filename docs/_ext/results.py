@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.figures import figure
-from benchmarks.results import head, module_of
+from benchmarks.results import declared, head, module_of, modules
 from docutils import nodes
 from pages_of_repository import DOCS, RESULTS, write_if_new
 from sphinx import addnodes
@@ -54,6 +54,13 @@ def _page(path: Path) -> str:
     return "\n".join(lines)
 
 
+def _without(files: list[Path]) -> list[str]:
+    """Which benchmarks have no result, and why, as they say."""
+    having = {module_of(path.stem) for path in files}
+    lines = [f"- `{one.stem}`: {declared(one, 'NO_RESULT')}." for one in modules() if one not in having]
+    return ["## Not run yet", "", *lines, ""] if lines else []
+
+
 def _write(app: Sphinx) -> None:
     folder = DOCS / "results"
     files = sorted(RESULTS.glob("*.txt"))
@@ -71,6 +78,7 @@ def _write(app: Sphinx) -> None:
         *(path.stem for path in files),
         "```",
         "",
+        *_without(files),
     ]
     write_if_new(folder / "index.md", "\n".join(lines))
     for path in folder.iterdir():

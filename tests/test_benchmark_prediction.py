@@ -1,0 +1,62 @@
+"""`benchmarks.prediction`: which films are left out, and a scan that goes on where it was stopped."""
+
+import json
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from benchmarks import prediction
+
+RECIPES = {
+    "red": {"Red": 100.0, "White": 0.0},
+    "pale": {"Red": 10.0, "White": 90.0},
+    "deep": {"Red": 95.0, "Black": 5.0},
+}
+
+
+@pytest.fixture
+def scanned(tmp_path, monkeypatch):
+    """Runs the scan with fits that only count; the names of what was fitted, and the file of lines that are done."""
+    fitted, part = [], tmp_path / "results" / "prediction_scan.part"
+
+    def leave_out(films, recipes, name, **given):
+        if name == "thickness 0.45" and not part.with_suffix(".go").exists():
+            raise KeyboardInterrupt
+        fitted.append(name)
+        found = SimpleNamespace(
+            names=("pale", "deep"), predicted=np.full((2, 2), len(fitted)), fitted=np.ones((2, 2)), inside=np.ones(2)
+        )
+        return SimpleNamespace(out=found)
+
+    monkeypatch.setattr(prediction, "leave_out", leave_out)
+    recipes = RECIPES | {"deep": {"Red": 95.0, "BoneBlack": 5.0}}
+    return lambda: prediction.scan(SimpleNamespace(names=tuple(recipes)), recipes, part), fitted, part
+
+
+def test_only_mixtures_are_left_out():
+    """A masstone is no mixture, also where its recipe names other paints with no weight."""
+    assert prediction.mixtures(SimpleNamespace(names=tuple(RECIPES)), RECIPES) == ["pale", "deep"]
+
+
+def test_a_scan_goes_on_where_it_was_stopped(scanned):
+    run, fitted, part = scanned
+    with pytest.raises(KeyboardInterrupt):
+        run()
+    before = len(fitted)
+    assert 0 < before < len(prediction.SCAN)
+    assert len(json.loads(part.read_text())) == before
+    part.with_suffix(".go").touch()
+    lines = run().splitlines()
+    assert len(fitted) == len(set(fitted)) == len(prediction.SCAN)
+    assert len(lines) == 1 + len(prediction.SCAN)
+    assert [float(line.split()[0]) for line in lines[1:]] == list(range(1, len(prediction.SCAN) + 1))
+
+
+def test_a_scan_of_another_revision_starts_anew(scanned, monkeypatch):
+    run, fitted, part = scanned
+    part.with_suffix(".go").parent.mkdir()
+    part.with_suffix(".go").touch()
+    run()
+    monkeypatch.setattr(prediction, "REVISION", prediction.REVISION + 1)
+    run()
+    assert len(fitted) == 2 * len(prediction.SCAN)
