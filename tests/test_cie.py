@@ -3,6 +3,7 @@
 import subprocess
 import sys
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -93,6 +94,36 @@ def test_back_from_srgb_and_lab():
     np.testing.assert_allclose(gc.lab_to_xyz(lab, white), there, atol=1e-13)
     np.testing.assert_allclose(gc.lab_to_xyz(lab, white), colour.Lab_to_XYZ(lab, colour.XYZ_to_xy(white)), atol=1e-13)
     np.testing.assert_allclose(white, colour.xy_to_XYZ(np.array(gc.SRGB_WHITE)), atol=1e-14)
+
+
+def test_lab_of_srgb_is_that_of_colour_science():
+    encoded = np.random.default_rng(6).uniform(0, 1, (500, 3))
+    encoded[:4] = [[0, 0, 0], [1, 1, 1], [0.04, 0.0404, 0.0405], [0.001, 0.02, 0.9]]
+    light = colour.models.eotf_sRGB(encoded)
+    matrix = colour.models.RGB_COLOURSPACE_sRGB
+    to_xyz = colour.models.normalised_primary_matrix(matrix.primaries, np.array(gc.SRGB_WHITE))
+    theirs = colour.XYZ_to_Lab(light @ to_xyz.T, np.array(gc.SRGB_WHITE))
+    np.testing.assert_allclose(gc.srgb_to_lab(encoded), theirs, atol=1e-11)
+    np.testing.assert_allclose(gc.srgb_to_lab([1, 1, 1]), [100, 0, 0], atol=1e-12)
+
+
+def test_lab_of_srgb_runs_under_jit_and_grad():
+    encoded = np.random.default_rng(7).uniform(0.01, 0.99, (6, 3))
+    np.testing.assert_allclose(jax.jit(gc.srgb_to_lab)(encoded), gc.srgb_to_lab(encoded), atol=1e-11)
+    slopes = jax.vmap(jax.jacfwd(gc.srgb_to_lab))(encoded)
+    step = 1e-6 * np.eye(3)
+    differences = (gc.srgb_to_lab(encoded[:, None] + step) - gc.srgb_to_lab(encoded[:, None] - step)) / 2e-6
+    np.testing.assert_allclose(slopes, np.swapaxes(differences, 1, 2), rtol=1e-6, atol=1e-6)
+    assert np.isfinite(jax.jacfwd(gc.srgb_to_lab)(jnp.array([0.0, 1.0, 0.0]))).all()
+    with pytest.raises(ValueError, match=r"shape \(2,\) does not end in the three numbers"):
+        gc.srgb_to_lab([0.5, 0.5])
+
+
+def test_lab_of_srgb_is_that_of_the_spectrum_under_d65():
+    grid = np.arange(400.0, 701.0, 10.0)
+    spectra = np.random.default_rng(8).uniform(0.3, 0.6, (20, grid.size))
+    encoded = gc.srgb(grid, spectra, clip=False)
+    assert gc.delta_e_2000(gc.srgb_to_lab(encoded), gc.lab(grid, spectra)).max() < 0.02
 
 
 def test_numpy_and_jax_compute_the_same_colours():

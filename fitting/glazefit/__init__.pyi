@@ -17,6 +17,7 @@ from .identify.result import Candidate as Candidate
 from .identify.result import Identification as Identification
 from .mapping.export import export_map as export_map
 from .mapping.map_cube import map_cube as map_cube
+from .mapping.names import set_names as set_names
 from .mapping.store import open_map as open_map
 from .posterior.coats import CoatPrior as CoatPrior
 from .posterior.film import FilmPrior as FilmPrior

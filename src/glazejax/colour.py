@@ -336,10 +336,27 @@ def srgb_to_xyz(encoded: Numbers) -> Float[np.ndarray, "*batch 3"]:
 
     Source: IEC 61966-2-1:1999; matrices from its primaries, not rounded.
     """
-    values = np.asarray(encoded, float)
-    # The end of the straight part, encoded.
-    light = np.where(values <= 12.92 * _STRAIGHT, values / 12.92, ((np.abs(values) + 0.055) / 1.055) ** 2.4)
-    return light @ _screen().T
+    return _linear_srgb(np, np.asarray(encoded, float)) @ _screen().T
+
+
+def srgb_to_lab(encoded: Numbers) -> Float[Array, "*batch 3"]:
+    """CIE 1976 L*a*b* under D65 of encoded sRGB, (..., 3), in [0, 1], relative to the screen's white; 8 bits over 255.
+
+    What `srgb` gives under D65 comes back as the `lab` under D65 of the same spectrum. Runs under jit and grad.
+
+    Raises:
+        ValueError: the last axis is not three long.
+
+    Example:
+        >>> print(srgb_to_lab([1.0, 0.0, 0.0]).round(1))
+        [53.2 80.1 67.2]
+
+    Source: as `srgb_to_xyz` and `xyz_to_lab`.
+    """
+    values, screen = as_array(encoded), _screen()
+    if values.shape[-1:] != (3,):
+        raise ValueError(f"sRGB of shape {values.shape} does not end in the three numbers red, green and blue")
+    return _computed(_lab_of_srgb, values, screen.T, screen.sum(axis=1))
 
 
 def _weighted(
@@ -380,6 +397,16 @@ def _lab_of_xyz(xp: ModuleType, values: Any, white: Any) -> Any:
     f = xp.where(dark, ratio / (3 * (6 / 29) ** 2) + 4 / 29, root)
     fx, fy, fz = f[..., 0], f[..., 1], f[..., 2]
     return xp.stack([116 * fy - 16, 500 * (fx - fy), 200 * (fy - fz)], axis=-1)
+
+
+def _lab_of_srgb(xp: ModuleType, values: Any, matrix: Any, white: Any) -> Any:
+    return _lab_of_xyz(xp, matmul(xp, _linear_srgb(xp, values), matrix), white)
+
+
+def _linear_srgb(xp: ModuleType, values: Any) -> Any:
+    """Linear values of encoded ones: `encoded_srgb` backwards."""
+    # The end of the straight part, encoded.
+    return xp.where(values <= 12.92 * _STRAIGHT, values / 12.92, ((abs(values) + 0.055) / 1.055) ** 2.4)
 
 
 def _srgb_of_light(xp: ModuleType, values: Any, matrix: Any) -> Any:

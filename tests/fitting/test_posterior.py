@@ -24,7 +24,7 @@ from glazefit.posterior.film_errors import pose_errors
 from glazefit.posterior.laplace import Laplace, _distinct, climb, find_modes, laplace
 from glazefit.posterior.problem import log_probability, uniform_residual
 from glazefit.posterior.report import unsettled
-from glazefit.posterior.summary import Numbers, compare
+from glazefit.posterior.summary import Numbers, Row, Summary, compare
 from glazejax import Glaze, Hemispherical, Layer, Pigment, reflectance
 
 GRID = np.arange(400.0, 701.0, 20.0)
@@ -121,6 +121,52 @@ def test_summary_says_where_laplace_and_chain_agree(banded):
         ends = np.log([row.lower, row.upper, row.laplace_lower, row.laplace_upper])
         near = np.abs(ends[:2] - ends[2:]).max() <= 0.15 * (ends[1] - ends[0])
         assert near == (row.laplace == "agrees")
+
+
+def row_of(quantity: str, block: str = "film", **changed) -> Row:
+    given = {
+        "mean": 0.2, "sd": 0.02, "lower": 0.17, "median": 0.2, "upper": 0.23, "laplace_mean": 0.2, "laplace_sd": 0.021,
+        "laplace_lower": 0.16, "laplace_upper": 0.24, "effective_samples": 812.3, "autocorrelation_time": 30.0,
+        "converged": True, "laplace": "agrees",
+    }  # fmt: skip
+    return Row(quantity, block, **(given | changed))
+
+
+def test_a_summary_prints_as_a_table_in_the_units_of_a_painter():
+    rows = [
+        row_of("fraction A & B"),
+        row_of(
+            "thickness", lower=1e-5, median=2e-5, upper=3e-5, sd=5e-6, laplace_lower=9e-6, laplace_upper=2.5e-5,
+            laplace_sd=4e-6, laplace="skewed",
+        ),
+    ]  # fmt: skip
+    summary = Summary(rows, sampled=True)
+    assert [*summary] == rows
+    assert summary[1].median == 2e-5
+    assert repr(summary).splitlines() == [
+        "median [5 %, 95 %]",
+        "                      emcee  sd   Laplace   sd  Laplace",
+        "A & B (%)       20 [17, 23]   2  [16, 24]  2.1  agrees",
+        "thickness (µm)  20 [10, 30]   5   [9, 25]    4  skewed",
+    ]
+    page = summary._repr_html_()
+    assert page.count("<tr>") == 3
+    assert page.count("<td>") == 12
+    assert "<td>A &amp; B (%)</td><td>20 [17, 23]</td>" in page
+    alone = Summary(rows, sampled=False)
+    assert alone.cells()[0] == ["", "Laplace", "sd", "its own test"]
+    assert str(Summary([], sampled=False)).splitlines()[0] == "median [5 %, 95 %]"
+
+
+def test_a_summary_of_bands_has_a_line_for_each():
+    names = ("absorption", "scattering", "ratio")
+    rows = [row_of(name, f"{nm} nm") for name in names for nm in (400, 410)]
+    rows[1] = replace(rows[1], laplace="skewed")
+    titles, lines = Summary(rows, sampled=True).cells()
+    assert titles == ["band", "k d", "s d", "k/s", "ESS", "Laplace"]
+    number = "0.2 [0.17, 0.23]"
+    assert lines == [["400", *3 * [number], "812", "agrees"], ["410", *3 * [number], "812", "skewed"]]
+    assert Summary(rows, sampled=False).cells()[1][0] == ["400", *3 * [number], "agrees"]
 
 
 def test_how_laplace_fails_is_named():

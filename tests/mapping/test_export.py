@@ -8,6 +8,7 @@ import pytest
 
 from glazefit.mapping.chunk import ChunkMaps
 from glazefit.mapping.export import check_export, export_map
+from glazefit import set_names
 from glazefit.mapping.layout import VARIABLES, Status
 from glazefit.mapping.run import run_chunks
 from glazefit.mapping.store import MapStore, open_map
@@ -75,6 +76,38 @@ def test_netcdf_holds_all_that_the_map_holds(store, tmp_path):
     with xarray.open_dataset(path, engine="h5netcdf") as theirs:
         assert theirs.status.dtype == np.uint8
         assert theirs.members.dtype == np.int16
+
+
+def test_a_set_has_the_names_of_its_paints_before_and_after_export(store, tmp_path):
+    pytest.importorskip("h5netcdf")
+    ours = open_map(store.path)
+    names = set_names(ours)
+    assert names.dims == ("y", "x")
+    for members, words in (
+        ([-1, -1, -1], ""), ([0, -1, -1], "ZincWhite"), ([1, 2, -1], "Eosin + Umber"), ([0, 1, 2], "ZincWhite + Eosin + Umber")
+    ):  # fmt: skip
+        there = (ours.members.values == members).all(axis=-1)
+        assert there.any()
+        assert set(names.values[there]) == {words}
+    (path,) = export_map(store.path, tmp_path / "map.nc")
+    for options in ({}, {"mask_and_scale": False}, {"chunks": {"y": 16}}):
+        with xarray.open_dataset(path, engine="h5netcdf", **options) as theirs:
+            np.testing.assert_array_equal(set_names(theirs).values, names.values)
+    # One pixel; and another order of the same paints.
+    pixel = ours.isel(y=3, x=5).load()
+    pixel["members"].values[:] = [2, -1, 0]
+    assert set_names(pixel).item() == "ZincWhite + Umber"
+    with pytest.raises(ValueError, match="it has no members and no paint; open one by open_map"):
+        set_names(xarray.Dataset())
+
+
+def test_numbers_that_stand_for_words_have_a_legend(store):
+    told = open_map(store.path).members.attrs
+    legend = dict(zip(told["flag_values"], told["flag_meanings"].split(), strict=True))
+    assert legend == {-1: "none", 0: "ZincWhite", 1: "Eosin", 2: "Umber"}
+    for name in ("status", "way", "condition"):
+        told = open_map(store.path)[name].attrs
+        assert len(told["flag_values"]) == len(told["flag_meanings"].split())
 
 
 def planes(store: MapStore) -> dict[str, np.ndarray]:

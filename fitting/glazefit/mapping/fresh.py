@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from ..identify.conditions import CONDITIONS
 from .keyed import sync
-from .layout import PLACES, STATUS_WORDS, VARIABLES, Status, Variable, Way
+from .layout import PLACES, STATUS_WORDS, VARIABLES, Variable, Way
 
 KIND, FORMAT = "glazejax map", 1
 """What the attribute `glazejax` of a map says it is."""
@@ -70,7 +71,7 @@ def lay_out(
             fill_value=variable.fill if np.dtype(variable.dtype).kind == "f" else int(variable.fill),
             compressors=packed,
             dimension_names=["y", "x", *variable.further],
-            attributes=_words(variable),
+            attributes=_words(variable, paints),
         )
     for name, length in zip(("y", "x"), shape, strict=True):
         values, told = coords.get(name, (np.arange(length) + 0.5, {"units": "pixel"}))
@@ -89,14 +90,18 @@ def lay_out(
     sync(path)
 
 
-def _words(variable: Variable) -> dict[str, Any]:
-    """Attributes of an array, by the conventions CF."""
+def _words(variable: Variable, paints: Sequence[str]) -> dict[str, Any]:
+    """Attributes of an array, by the conventions CF; numbers that stand for words have a legend."""
     told: dict[str, Any] = {"long_name": variable.words}
     if variable.unit:
         told["units"] = variable.unit
-    flags = {"status": Status, "way": Way}.get(variable.name)
-    if flags is not None:
-        words = [STATUS_WORDS[flag] if isinstance(flag, Status) else flag.name.lower() for flag in flags]
-        told["flag_values"] = [int(flag) for flag in flags]
-        told["flag_meanings"] = " ".join(word.replace(" ", "_") for word in words)
+    legends: dict[str, dict[int, str]] = {
+        "status": {int(flag): words for flag, words in STATUS_WORDS.items()},
+        "way": {int(flag): flag.name.lower() for flag in Way},
+        "members": {-1: "none", **dict(enumerate(paints))},
+        "condition": {number: condition.words or "as told" for number, condition in enumerate(CONDITIONS)},
+    }
+    if legend := legends.get(variable.name):
+        told["flag_values"] = list(legend)
+        told["flag_meanings"] = " ".join("_".join(words.split()) for words in legend.values())
     return told

@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int, UInt8
 
 from .layout import STATUS_WORDS, Status, Way
+from .names import set_words
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -83,7 +84,7 @@ class Overview:
 
     def words(self, members: Members) -> str:
         """Names of a set's paints."""
-        return " + ".join(self.paints[member] for member in members) or "none of these paints"
+        return set_words(members, self.paints) or "none of these paints"
 
     def where(self, members: Members) -> Bool[np.ndarray, "rows columns"]:
         """Which pixels of `examples` have a set."""

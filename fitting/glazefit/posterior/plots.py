@@ -11,7 +11,7 @@ from glazejax.plots import ABSORPTION, OVER_BLACK, OVER_WHITE, SCATTERING, label
 
 from .identifiability import only_ratio
 from .posterior import Posterior, unknowns_in_words
-from .summary import LEVELS, Numbers
+from .summary import LEVELS, Numbers, shown
 
 SAMPLED, LAPLACE = "#1f4e9c", "#c8641e"
 _COLOURS = {"black": OVER_BLACK, "white": OVER_WHITE}
@@ -20,18 +20,6 @@ _RATIO = "#2a6f4b"
 _NINETY = 1.645
 _MOST_DRAWS = 40_000
 _BANDS_DRAWN = 6
-
-
-def shown(name: str, values: np.ndarray) -> tuple[str, np.ndarray]:
-    """A quantity's title and its values in the units of a picture."""
-    if name.startswith("thickness"):
-        return f"{name} (µm)", values * 1e6
-    if name == "model error":
-        return "model error (%)", values * 100.0
-    if name.startswith("fraction "):
-        return f"{name.removeprefix('fraction ')} (%)", values * 100.0
-    what, at, where = name.partition(" at ")
-    return {"absorption": "k d", "scattering": "s d", "ratio": "k/s"}.get(what, what) + at + where, values
 
 
 def plot_corner(posterior: Posterior, path: str | Path) -> None:

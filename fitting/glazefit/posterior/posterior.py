@@ -29,7 +29,7 @@ from .film_errors import pose_errors
 from .identifiability import Identifiability, of_bands, of_coats, of_paints, open_above
 from .laplace import Laplace, Modes, find_modes, laplace
 from .problem import Problem
-from .summary import Row, compare, numbers
+from .summary import Row, Summary, compare, numbers
 
 if TYPE_CHECKING:
     from .chain import Chain, Convergence
@@ -95,8 +95,11 @@ class Posterior:
                 found.setdefault(quantity.spectrum, []).append(draws[quantity.name][..., 0].ravel())
         return {name: np.stack(values, axis=-1) for name, values in found.items()}
 
-    def summary(self) -> list[Row]:
-        """A row for each quantity of each block: the chain's numbers, Laplace's, and where the two differ."""
+    def summary(self) -> Summary:
+        """A row for each quantity of each block: the chain's numbers, Laplace's, and where the two differ.
+
+        A list of `glazefit.posterior.summary.Row`, in SI units, that prints as a table.
+        """
         sampled, approximate = numbers(self.draws), numbers(self.laplace_draws)
         blocks = self.problem.blocks
         rows = []
@@ -128,7 +131,7 @@ class Posterior:
                         laplace=words[b],
                     )
                 )
-        return rows
+        return Summary(rows, sampled=self.chain is not None)
 
     @cached_property
     def identifiability(self) -> Identifiability:

@@ -11,21 +11,18 @@ from glazejax.io import write_table
 from glazejax.report import plain_table
 
 from .laplace import TRUSTED_TAIL
-from .plots import shown
 from .posterior import Posterior
-from .summary import AGREES, Numbers, Row
+from .summary import AGREES, MEDIANS, Numbers, Row, Summary, interval, shown
 
 
 def print_posterior(posterior: Posterior, console: Console) -> None:
     """Print the numbers, what is open, where Laplace fails, and whether the chain has converged."""
     rows = posterior.summary()
-    if posterior.problem.kind == "bands":
-        console.print(_bands(posterior, rows))
-    else:
-        spectral = {q.name for q in posterior.problem.quantities if q.spectrum}
-        console.print(_film(posterior, [row for row in rows if row.quantity not in spectral]))
-        if spectral:
-            console.print(_spectra(posterior))
+    spectral = {q.name for q in posterior.problem.quantities if q.spectrum}
+    plain = [row for row in rows if row.quantity not in spectral]
+    console.print(_table(posterior, Summary(plain, sampled=rows.sampled)))
+    if spectral:
+        console.print(_spectra(posterior))
     for sentence in posterior.identifiability.sentences:
         console.print(f"[yellow]Open:[/yellow] {sentence}.")
     if not posterior.identifiability.sentences:
@@ -38,52 +35,27 @@ def print_posterior(posterior: Posterior, console: Console) -> None:
     console.print(f"[{colour}]{words[0].upper()}{words[1:]}.[/{colour}]")
 
 
-def _film(posterior: Posterior, rows: list[Row]) -> Table:
-    sampled = posterior.chain is not None
-    titles = ("emcee", "sd", "Laplace", "sd", "Laplace") if sampled else ("Laplace", "sd", "its own test")
-    table = plain_table("", *titles, title=_title(posterior), words=(0, len(titles)))
-    for row in rows:
-        title = shown(row.quantity, np.zeros(1))[0]
-        scale = float(shown(row.quantity, np.ones(1))[1][0])
-        cells = [_interval(row.median, row.lower, row.upper, scale), f"{scale * row.sd:.2g}"]
-        if sampled:
-            ends = f"[{scale * row.laplace_lower:.3g}, {scale * row.laplace_upper:.3g}]"
-            cells += [ends, f"{scale * row.laplace_sd:.2g}"]
-        table.add_row(title, *cells, row.laplace)
+def _table(posterior: Posterior, rows: Summary) -> Table:
+    titles, lines = rows.cells()
+    table = plain_table(*titles, title=_title(posterior), words=(0, len(titles) - 1))
+    for line in lines:
+        table.add_row(*line)
     return table
 
 
 def _spectra(posterior: Posterior) -> Table:
     """k d and s d of a stack's unknown paint."""
-    title = f"{posterior.films[0].name}, unknown paint: median [5 %, 95 %]"
+    title = f"{posterior.films[0].name}, unknown paint: {MEDIANS}"
     table = plain_table("band", "k d", "s d", "k/s", title=title)
     found = {name: Numbers.of(draws) for name, draws in posterior.spectra().items()}
     for b, wavelength in enumerate(posterior.films[0].wavelengths):
-        cells = [_interval(n.median[b], n.lower[b], n.upper[b]) for n in found.values()]
+        cells = [interval(n.median[b], n.lower[b], n.upper[b]) for n in found.values()]
         table.add_row(f"{wavelength:g}", *cells)
     return table
 
 
 def _title(posterior: Posterior) -> str:
-    return f"{posterior.films[0].name}: median [5 %, 95 %]"
-
-
-def _interval(median: float, lower: float, upper: float, scale: float = 1.0) -> str:
-    return f"{scale * median:.3g} [{scale * lower:.3g}, {scale * upper:.3g}]"
-
-
-def _bands(posterior: Posterior, rows: list[Row]) -> Table:
-    sampled = posterior.chain is not None
-    last = ("ESS", "Laplace") if sampled else ("its own test",)
-    table = plain_table("band", "k d", "s d", "k/s", *last, title=_title(posterior), words=(3 + len(last),))
-    for block in posterior.problem.blocks:
-        mine = {row.quantity: row for row in rows if row.block == block}
-        cells = [_interval(r.median, r.lower, r.upper) for r in mine.values()]
-        words = list(dict.fromkeys(r.laplace for r in mine.values()))
-        others = [w for w in words if w != AGREES]
-        samples = [f"{next(iter(mine.values())).effective_samples:.0f}"] if sampled else []
-        table.add_row(block.removesuffix(" nm"), *cells, *samples, ", ".join(others) or words[0])
-    return table
+    return f"{posterior.films[0].name}: {MEDIANS}"
 
 
 def unsettled(posterior: Posterior) -> str:

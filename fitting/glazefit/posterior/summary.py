@@ -1,7 +1,8 @@
 """Numbers of a posterior: of the chain and of Laplace's approximation side by side, and where the two differ."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from html import escape
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -16,6 +17,8 @@ _SKEWED = 1.5
 _TOUCH = 0.01
 
 AGREES = "agrees"
+MEDIANS = "median [5 %, 95 %]"
+"""What stands in the cells of a table."""
 
 
 @dataclass(frozen=True)
@@ -63,6 +66,92 @@ class Row:
     autocorrelation_time: float
     converged: bool
     laplace: str
+
+
+class Summary(list[Row]):
+    """Rows, a list as any other, which is shown as a table: in a terminal by `print`, in a notebook as its last line.
+
+    The table has a line for each quantity, or for each block if there are several, with thickness in micrometres and
+    fractions in percent; the rows themselves are in m and in parts of 1.
+
+    Attributes:
+        sampled: whether there is a chain; else all numbers are Laplace's.
+    """
+
+    sampled: bool
+
+    def __init__(self, rows: Iterable[Row], *, sampled: bool) -> None:
+        super().__init__(rows)
+        self.sampled = sampled
+
+    def cells(self) -> tuple[list[str], list[list[str]]]:
+        """Titles and lines of the table, as text."""
+        blocks = list(dict.fromkeys(row.block for row in self))
+        return self._by_quantity() if len(blocks) < 2 else self._by_block(blocks)
+
+    def _by_quantity(self) -> tuple[list[str], list[list[str]]]:
+        titles = ["emcee", "sd", "Laplace", "sd", "Laplace"] if self.sampled else ["Laplace", "sd", "its own test"]
+        lines = []
+        for row in self:
+            title, (scale,) = shown(row.quantity, np.ones(1))
+            line = [title, interval(row.median, row.lower, row.upper, scale), f"{scale * row.sd:.2g}"]
+            if self.sampled:
+                ends = f"[{scale * row.laplace_lower:.3g}, {scale * row.laplace_upper:.3g}]"
+                line += [ends, f"{scale * row.laplace_sd:.2g}"]
+            lines.append([*line, row.laplace])
+        return ["", *titles], lines
+
+    def _by_block(self, blocks: list[str]) -> tuple[list[str], list[list[str]]]:
+        last = ["ESS", "Laplace"] if self.sampled else ["its own test"]
+        quantities = list(dict.fromkeys(row.quantity for row in self))
+        lines = []
+        for block in blocks:
+            mine = {row.quantity: row for row in self if row.block == block}
+            cells = [interval(r.median, r.lower, r.upper) for r in mine.values()]
+            words = list(dict.fromkeys(r.laplace for r in mine.values()))
+            others = [w for w in words if w != AGREES]
+            samples = [f"{next(iter(mine.values())).effective_samples:.0f}"] if self.sampled else []
+            lines.append([block.removesuffix(" nm"), *cells, *samples, ", ".join(others) or words[0]])
+        return ["band", *(shown(quantity, np.ones(1))[0] for quantity in quantities), *last], lines
+
+    def __repr__(self) -> str:
+        titles, lines = self.cells()
+        widths = [max(map(len, column)) for column in zip(titles, *lines, strict=True)]
+
+        def line(cells: list[str]) -> str:
+            first, *figures, last = cells
+            between = [f"{cell:>{width}}" for cell, width in zip(figures, widths[1:-1], strict=True)]
+            return "  ".join([f"{first:{widths[0]}}", *between, last]).rstrip()
+
+        return "\n".join([MEDIANS, *map(line, [titles, *lines])])
+
+    def _repr_html_(self) -> str:
+        def row(cells: list[str], kind: str) -> str:
+            return "<tr>" + "".join(f"<{kind}>{escape(cell)}</{kind}>" for cell in cells) + "</tr>"
+
+        titles, lines = self.cells()
+        body = "\n".join(row(line, "td") for line in lines)
+        return (
+            f"<table>\n<caption>{MEDIANS}</caption>\n<thead>{row(titles, 'th')}</thead>\n"
+            f"<tbody>\n{body}\n</tbody>\n</table>"
+        )
+
+
+def interval(median: float, lower: float, upper: float, scale: float = 1.0) -> str:
+    """A median and its interval, as text."""
+    return f"{scale * median:.3g} [{scale * lower:.3g}, {scale * upper:.3g}]"
+
+
+def shown(name: str, values: np.ndarray) -> tuple[str, np.ndarray]:
+    """A quantity's title and its values in the units of a picture or a table."""
+    if name.startswith("thickness"):
+        return f"{name} (µm)", values * 1e6
+    if name == "model error":
+        return "model error (%)", values * 100.0
+    if name.startswith("fraction "):
+        return f"{name.removeprefix('fraction ')} (%)", values * 100.0
+    what, at, where = name.partition(" at ")
+    return {"absorption": "k d", "scattering": "s d", "ratio": "k/s"}.get(what, what) + at + where, values
 
 
 def numbers(draws: Mapping[str, Float[np.ndarray, "*draws blocks"]]) -> dict[str, Numbers]:

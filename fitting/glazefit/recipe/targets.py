@@ -116,8 +116,7 @@ def srgb_target(code: str, name: str | None = None) -> Target:
     if len(digits) == 3:
         digits = "".join(2 * digit for digit in digits)
     encoded = np.array([int(digits[i : i + 2], 16) for i in (0, 2, 4)]) / 255.0
-    # Relative to the screen's own white, as `glazejax.colour.srgb` has it.
-    lab = np.asarray(colour.xyz_to_lab(colour.srgb_to_xyz(encoded), colour.srgb_to_xyz(np.ones(3))))
+    lab = np.asarray(colour.srgb_to_lab(encoded))
     return Target(name or f"#{digits.lower()}", MappingProxyType({colour.find_illuminant("D65"): lab}))
 
 
