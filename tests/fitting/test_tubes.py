@@ -299,6 +299,7 @@ def test_entries_keep_what_is_there_and_share_the_errors_of_the_white(tmp_path):
     instrument = Instrument()
     path = tmp_path / "mine.csv"
     found = fitted(painted(instrument), instrument, known={"White": white()})
+    assert repr(found) == "JointRecovery(Blue from 2 films, known: White)"
     assert add_paints(found, path) == ("Blue", "White")
     mine = catalogue.read(path)
     assert list(mine) == ["Blue", "White"]

@@ -79,6 +79,12 @@ class JointRecovery(FittedFilms):
     gauged: bool
     measured_gloss: Float[np.ndarray, "films"]
 
+    def __repr__(self) -> str:
+        new = [paint for paint in self.paints if paint not in self.known_paints]
+        known = f", known: {', '.join(self.known)}" if self.known else ""
+        state = "" if self.converged else ", not converged"
+        return f"JointRecovery({', '.join(new)} from {len(self.films)} films{known}{state})"
+
     @cached_property
     def _modes(self) -> Float[np.ndarray, "modes 2 paints bands"]:
         return self.error_modes()

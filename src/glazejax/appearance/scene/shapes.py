@@ -180,5 +180,8 @@ class Mesh:
             if values is not None and np.shape(values) != (len(vertices), width):
                 raise ValueError(f"{name} must be ({len(vertices)}, {width}), not {np.shape(values)}")
 
+    def __repr__(self) -> str:
+        return f"Mesh(material={self.material!r}, {len(self.vertices)} vertices, {len(self.faces)} faces)"
+
 
 Shape = Sphere | Plane | Box | Mesh
