@@ -48,6 +48,11 @@ def positive(name: str, value: float) -> float:
 class Sphere:
     """A ball; u runs once around its z axis, v from its lowest point (0) to its highest (1).
 
+    Args:
+        material: name of its material.
+        centre: (3,), in the unit of length of the scene.
+        radius: above 0, in that unit.
+
     Raises:
         ValueError: a radius that is not above 0, or a centre that is no point.
     """
