@@ -14,6 +14,7 @@ import argparse
 import dataclasses
 import json
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -70,9 +71,9 @@ class Scores:
     warm: float
 
 
-def mixtures(films: Films, recipes: Recipes) -> list[str]:
-    """Names of the films of several paints: a masstone says nothing of how paints mix."""
-    return [name for name in films.names if sum(weight > 0 for weight in recipes[name].values()) > 1]
+def mixtures(names: Sequence[str], recipes: Recipes) -> list[str]:
+    """Names of films of several paints: a masstone says nothing of how paints mix."""
+    return [name for name in names if sum(weight > 0 for weight in recipes[name].values()) > 1]
 
 
 def leave_out(films: Films, recipes: Recipes, name: str, **given: Any) -> Scores:
@@ -87,7 +88,7 @@ def leave_out(films: Films, recipes: Recipes, name: str, **given: Any) -> Scores
     def tell(film: str) -> None:
         progress(f"{name}: {film}")
 
-    chosen = mixtures(films, recipes)[::EVERY]
+    chosen = mixtures(films.names, recipes)[::EVERY]
     out = leave_films_out(whole, films, recipes, only=lambda film: film in chosen, progress=tell, **given)
     return Scores(out, seconds, warm)
 
@@ -230,8 +231,8 @@ def main() -> None:
         globals().update(EVERY=2)
     start_jax()
     films, recipes = measured_films(FEW if options.quick else ())
+    part = options.out / "prediction_scan.part"
     if options.scan:
-        part = options.out / "prediction_scan.part"
         text = scan(films, recipes, part)
     else:
         models: dict[str, dict[str, Any]] = {
