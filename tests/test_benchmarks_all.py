@@ -96,7 +96,7 @@ def test_what_a_benchmark_needs_is_understood(module):
         assert isinstance(runner.lacks(need), str)
 
 
-# What is always there: this project, the standard library, what pyproject.toml depends on and what comes with a package.
+# What is always there: this project, what pyproject.toml depends on, and what comes with another package.
 PLAIN = {"glazejax", "glazefit", "benchmarks", "tests", "jax", "numpy", "scipy", "equinox", "jaxtyping", "lineax"} | {
     "optimistix", "colour", "emcee", "drjit"
 }  # fmt: skip
