@@ -53,7 +53,8 @@ WHITE, BLACK = "ZincWhite", "BoneBlack"
 
 def film_by_film(say: Results) -> None:
     """Coverage where noise is told, told wrongly, and not told."""
-    say(f"\nFilm by film, all paints of the catalogue, three times: 90 % intervals where the noise is {NOISE.floor}")
+    times = {1: "once", 3: "three times"}[SEEDS]
+    say(f"\nFilm by film, all paints of the catalogue, {times}: 90 % intervals where the noise is {NOISE.floor}")
     say(f"{'':<32}{'bands told apart':>18}{'k held':>9}{'s held':>9}")
     paints = list(catalogue.load().values())
     truth = np.stack([np.stack([p.absorption, p.scattering], axis=-1) for p in paints]) * UNIT
