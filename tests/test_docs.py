@@ -149,6 +149,14 @@ def test_the_python_of_the_first_steps_runs(page, tmp_path):
             subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True, timeout=600)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["what-there-is", "exports", "studio"])
+def test_the_python_of_a_page_runs(name, tmp_path):
+    """All blocks of a page as one program. What docs/mitsuba.md shows takes minutes; tests/appearance has its like."""
+    code = "\n".join(blocks(DOCS / f"{name}.md", "python"))
+    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True, timeout=600)
+
+
 EXAMPLES = [
     ".".join(path.relative_to(folder).with_suffix("").parts).removesuffix(".__init__")
     for folder in (ROOT / "src", ROOT / "fitting")
