@@ -42,28 +42,7 @@ def identify_chunks(
 ) -> Iterator[Identification]:
     """As `identify`, a few spectra at a time, so that progress can be shown and an interrupt loses little.
 
-    Args:
-        spectra: reflectance as fractions, (bands,), (spectra, bands), or (spectra, grounds, bands) for one film over
-            several grounds.
-        wavelengths: (bands,), nm.
-        pigments: the catalogue, on any grids that cover the spectra's.
-        grounds: internal reflectance (that under paint) of the grounds: a number, (bands,) or (grounds, bands), or one
-            for each spectrum, (spectra, grounds, bands). None for films that hide their ground; their thickness is then
-            unknown.
-        instrument: by default d:8 with the specular part, index 1.5.
-        geometry: replaces the instrument's, such as `glazejax.Bidirectional(45, 0)` for one without a sphere.
-        noise: of a reading; where the spectra themselves are rougher, their roughness counts.
-        discrepancy: of the model; by default `glazefit.film.errors.BETWEEN_FILMS`.
-        prior: what is expected beforehand.
-        max_paints: largest set, 1 to 3.
-        layers: 2 tries the best sets as two coats too, in both orders.
-        names: of the spectra.
-        keep: candidates kept for each spectrum.
-        thorough: fit every pair, and give every set errors of its own: some four times as long for the same first
-            answer in most cases (`glazefit.identify.effort`).
-
-    Raises:
-        ValueError: shapes that do not match, values that are not reflectances, an empty catalogue, repeated names.
+    Args and errors are those of `identify`.
     """
     searcher = Searcher.of(
         wavelengths, pigments, opaque=grounds is None, instrument=instrument, geometry=geometry, noise=noise,
@@ -93,7 +72,28 @@ def identify(
 ) -> Identification:
     """Paints, fractions and thickness of films from their spectra, as ranked lists with probabilities.
 
-    Args and errors are those of `identify_chunks`.
+    Args:
+        spectra: reflectance as fractions, (bands,), (spectra, bands), or (spectra, grounds, bands) for one film over
+            several grounds.
+        wavelengths: (bands,), nm.
+        pigments: the catalogue, on any grids that cover the spectra's.
+        grounds: internal reflectance (that under paint) of the grounds: a number, (bands,) or (grounds, bands), or one
+            for each spectrum, (spectra, grounds, bands). None for films that hide their ground; their thickness is then
+            unknown.
+        instrument: by default d:8 with the specular part, index 1.5.
+        geometry: replaces the instrument's, such as `glazejax.Bidirectional(45, 0)` for one without a sphere.
+        noise: of a reading; where the spectra themselves are rougher, their roughness counts.
+        discrepancy: of the model; by default `glazefit.film.errors.BETWEEN_FILMS`.
+        prior: what is expected beforehand.
+        max_paints: largest set, 1 to 3.
+        layers: 2 tries the best sets as two coats too, in both orders.
+        names: of the spectra.
+        keep: candidates kept for each spectrum.
+        thorough: fit every pair, and give every set errors of its own: some four times as long for the same first
+            answer in most cases (`glazefit.identify.effort`).
+
+    Raises:
+        ValueError: shapes that do not match, values that are not reflectances, an empty catalogue, repeated names.
     """
     parts = identify_chunks(
         spectra, wavelengths, pigments, grounds=grounds, instrument=instrument, geometry=geometry, noise=noise,
@@ -117,7 +117,10 @@ def identify_films(
     keep: int = 20,
     thorough: bool = False,
 ) -> Identification:
-    """As `identify`, for films over a black and a white card that were measured bare."""
+    """As `identify`, for films over a black and a white card that were measured bare.
+
+    The other args and the errors are those of `identify`.
+    """
     seen_by = resolve_instrument(instrument, geometry)
     if isinstance(seen_by.geometry, Hemispherical):
         black, white, _, _ = cards(films, seen_by, noise or Noise())
