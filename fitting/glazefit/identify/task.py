@@ -87,7 +87,7 @@ class Measured:
 def check_spectra(
     spectra: ArrayLike, wavelengths: ArrayLike, grounds: ArrayLike | None, names: Sequence[str] | None, noise: Noise
 ) -> Measured:
-    """Spectra and grounds as (spectra, grounds, bands); see `glazefit.identify.identify.identify_chunks`.
+    """Spectra and grounds as (spectra, grounds, bands); see `glazefit.identify`.
 
     Raises:
         ValueError: shapes that do not match, values that are not reflectances, or repeated names.
