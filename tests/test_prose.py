@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from benchmarks import figures
 
-from tests.prose import Quoted, backing, blocks, quoted, unbacked
+from tests.prose import Quoted, backing, beside_nothing, blocks, quoted, unbacked
 
 ROOT = Path(__file__).parents[1]
 # Not what a build of the site makes.
@@ -63,6 +63,14 @@ def test_numbers_beside_a_result_are_its_figures(document):
         "no figure of the linked results says so; `python -m benchmarks.figures` shows them. Change the text, link the "
         "result, or add the figure to benchmarks/figures_*.py:\n" + "\n".join(found)
     )
+
+
+def test_every_number_of_accuracy_stands_beside_a_result():
+    """That page says that it does; a number above the first link of its heading would be held by nothing."""
+    assert not beside_nothing(text("docs/accuracy.md"), [*PATTERNS, r"Python [\d.]+ and jax [\d.]+"])
+    assert beside_nothing("It takes 0.7 s.\n\n# Next\n\n" + f"It takes 0.6 s ({RESULTS}).") == [
+        "0.7 s in: It takes 0.7 s...."
+    ]
 
 
 @pytest.mark.parametrize("document", DOCUMENTS)
