@@ -32,7 +32,10 @@ EXEMPT = [
     (r"(?<![\d.])1e-?\d+\b", "tolerances asked for, which tests hold"),
     (r"\b(?:n|g|Q|dh) = [\d.]+", "settings"),
     (r"\b(?:index|indices) (?:of )?(?:exactly )?[\d.]+(?: to [\d.]+)?|all of 1 to 2\.5", "settings"),
-    (r"noise of \.\d+|scatter of strength of 20 %|films of 25 µm|coarsening to 0\.04|times 0\.1\b", "settings"),
+    (
+        r"smoothed to 60 nm|noise of \.\d+|scatter of strength of 20 %|films of 25 µm|coarsening to 0\.04|times 0\.1\b",
+        "settings",
+    ),
     (r"gammas \([\d., ]+\)|black \(0\.05 cd/m²\)|\b8 bits|24-bit", "settings"),
     (r"\b(?:90|95) % (?:intervals?|bands?|\|)", "what an interval or a quantile is to hold"),
     (r"\b\w+:\d+\b", "geometries and tints, such as 45:0 and 1:10"),
