@@ -77,10 +77,8 @@ def attribute(thing: object, name: str) -> object:
 @functools.cache
 def public() -> frozenset[str]:
     """Public names of both packages and the rooms below them that the documents shorten names by."""
-    import glazefit
-    import glazejax
-
-    return frozenset({*glazejax.__all__, *glazefit.__all__, "glazejax", "glazefit", "radiative", "appearance"})
+    offered = (name for package in PACKAGES for name in importlib.import_module(package.name).__all__)
+    return frozenset({*offered, "glazejax", "glazefit", "radiative", "appearance"})
 
 
 @each_page
