@@ -199,6 +199,8 @@ def test_types_of_the_reference_are_links():
 def test_defaults_without_words_are_left_out_of_signatures():
     given = "(name, labs=<factory>, progress=<function <lambda>>, count=5)"
     assert short_defaults(given) == "(name, labs=..., progress=..., count=5)"
+    assert short_defaults("(_rows, _groups)") == ""
+    assert short_defaults(None) is None
 
 
 def test_code_breaks_at_its_joints_and_options_never():
