@@ -84,6 +84,7 @@ html_theme = "sphinx_book_theme"
 html_title = "glazejax"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
+html_js_files = ["search.js"]
 html_copy_source = False
 html_show_sourcelink = False
 html_last_updated_fmt = None

@@ -221,7 +221,7 @@ def test_a_picture_opens_unless_it_is_a_link():
 
 def test_words_of_a_result_are_folded_and_tables_are_not():
     words, row = "a long sentence " * 10, "film  " * 40
-    assert all(len(line) <= 110 for line in folded(words).splitlines())
+    assert all(len(line) <= 120 for line in folded(words).splitlines())
     assert folded(words).split() == words.split()
     assert folded(row) == row
 
