@@ -83,6 +83,7 @@ default_role = "py:obj"
 html_theme = "sphinx_book_theme"
 html_title = "glazejax"
 html_static_path = ["_static"]
+html_favicon = "_static/favicon.svg"
 html_css_files = ["site.css"]
 html_js_files = ["search.js"]
 html_copy_source = False
