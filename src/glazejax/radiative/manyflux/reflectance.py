@@ -139,10 +139,11 @@ def brdf_table(
 ) -> Float[Array, "*batch viewing incidence azimuths"]:
     """Table of the BRDF in 1/sr over angles of viewing, incidence and azimuth, each entry exact: one solution for all.
 
+    Args that are not listed are those of `manyflux_reflectance_factor`.
+
     Args:
         cos_incidence, cos_viewing: cosines in air, (incidence,) and (viewing,), in (0, 1].
         azimuth: degrees, (azimuths,).
-        The others as for `manyflux_reflectance_factor`.
 
     Returns:
         (..., viewing, incidence, azimuths), the reflectance factor over pi.
