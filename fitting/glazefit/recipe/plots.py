@@ -43,6 +43,9 @@ def recipe_figure(recipes: Sequence[Recipe], *, titles: Sequence[str], heading: 
         # A letter is about half as wide as it is high.
         size = min(12.0, 72.0 * (width - 0.5) / (0.53 * len(subtitle)))
         figure.text(0.25 / width, 1 - 0.68 / height, subtitle, fontsize=size, color=FAINT, va="center")
+        # Recipes for one target are compared: one scale for all of them.
+        alike = len({recipe.target.name for recipe in recipes}) == 1
+        common = max(map(_highest, recipes)) if alike else None
         for number, (recipe, title) in enumerate(zip(recipes, titles, strict=True)):
             row, column = divmod(number, columns)
             left, top = _LEFT + column * _WIDTH, height - _TOP - row * cell
@@ -53,7 +56,7 @@ def recipe_figure(recipes: Sequence[Recipe], *, titles: Sequence[str], heading: 
             swatch = figure.add_axes(box(_TITLE, _SWATCH))
             _draw_swatch(swatch, recipe, title)
             curves = figure.add_axes(box(_TITLE + _SWATCH + 0.1, _CURVES - 0.1))
-            _draw_spectra(curves, recipe, labelled=column == 0)
+            _draw_spectra(curves, recipe, common or _highest(recipe), labelled=column == 0)
             words = "\n".join(_wrapped(describe_coat(coat)) for coat in recipe.coats)
             x, y, *_ = box(_TITLE + _SWATCH + _CURVES + 0.27, 0.0)
             figure.text(x, y, words, fontsize=8.5, va="top", linespacing=1.25)
@@ -82,11 +85,16 @@ def _draw_swatch(axes: "Axes", recipe: Recipe, title: str) -> None:
     axes.text(2, 1.06, f"ΔE {recipe.distance:.2f}", fontsize=11, ha="right", va="bottom", color=mark)
 
 
-def _draw_spectra(axes: "Axes", recipe: Recipe, labelled: bool) -> None:
-    target, highest = recipe.target, float(recipe.reflectance.max())
+def _highest(recipe: Recipe) -> float:
+    """Largest reflectance of a recipe and its target."""
+    known = recipe.target.reflectance
+    return max(float(recipe.reflectance.max()), 0.0 if known is None else float(known.max()))
+
+
+def _draw_spectra(axes: "Axes", recipe: Recipe, highest: float, labelled: bool) -> None:
+    target = recipe.target
     if target.wavelengths is not None and target.reflectance is not None:
         axes.plot(target.wavelengths, target.reflectance, color=_TARGET, lw=3.2, solid_capstyle="round")
-        highest = max(highest, float(target.reflectance.max()))
     axes.plot(recipe.wavelengths, recipe.reflectance, color=INK, lw=1.3)
     axes.set(xlim=(recipe.wavelengths[0], recipe.wavelengths[-1]), ylim=(0, 1.0 if highest > 0.35 else 0.4))
     axes.set_xticks([400, 500, 600, 700])
