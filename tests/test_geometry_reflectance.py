@@ -201,9 +201,17 @@ def test_slopes_are_finite_at_the_edges():
 
 
 @pytest.mark.usefixtures("unchecked")
-def test_other_geometry_is_refused():
-    with pytest.raises(TypeError, match="must be Bidirectional or Hemispherical, not float"):
-        reflectance(Glaze([], 0.5), 8.0)  # pyright: ignore[reportArgumentType]
+@pytest.mark.parametrize("geometry", [8.0, "45:0", Bidirectional])
+def test_other_geometry_is_refused(geometry):
+    with pytest.raises(TypeError, match=r"must be a Bidirectional or .* such as Bidirectional\(45, 0\), not "):
+        reflectance(Glaze([], 0.5), geometry)
+
+
+@pytest.mark.usefixtures("unchecked")
+@pytest.mark.parametrize("glaze", [Bidirectional(45, 0), [], "CobaltBlue"])
+def test_what_is_no_glaze_is_refused(glaze):
+    with pytest.raises(TypeError, match=r"glaze must be a Glaze, not a .*: write Glaze\("):
+        reflectance(glaze, Bidirectional(45, 0))
 
 
 def test_public_names():
