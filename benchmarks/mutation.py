@@ -33,7 +33,7 @@ from benchmarks.mutation_sites import Mutant, mutated, sample
 from benchmarks.results import Results, add_option
 
 REVISION = 1
-NEEDS = ("long", "cosmic_ray", "coverage")
+NEEDS = ("long", "cosmic_ray", "coverage", "pytest", "hypothesis")
 
 ROOT = Path(__file__).parents[1]
 ROOMS = ("radiative", "paint", "colour", "io", "film", "recover", "identify", "recipe", "posterior")

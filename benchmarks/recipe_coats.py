@@ -27,7 +27,8 @@ def main() -> None:
     found = find_recipes(colourchecker_targets()[: 3 if options.quick else None], glazes=True)
     unmixed = [min(recipes, key=lambda one: one.distance) for recipes in found]
     mixed = [recipes[0].mixed for recipes in found if recipes[0].mixed is not None]
-    results(f"{len(gj.catalogue.load())} paints of the catalogue, 24 patches, D65, 2°; nearest of five recipes each")
+    count = f"{len(gj.catalogue.load())} paints of the catalogue, {len(found)} patches"
+    results(f"{count}, D65, 2°; nearest of five recipes each")
     results()
     results("paints mixed, up to three in two coats      dE00, not rounded")
     results("patch          coats   by the table  by the solver  steps settled")

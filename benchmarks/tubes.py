@@ -53,7 +53,8 @@ WHITE, BLACK = "ZincWhite", "BoneBlack"
 
 def film_by_film(say: Results) -> None:
     """Coverage where noise is told, told wrongly, and not told."""
-    say(f"\nFilm by film, all paints of the catalogue, three times: 90 % intervals where the noise is {NOISE.floor}")
+    times = {1: "once", 3: "three times"}[SEEDS]
+    say(f"\nFilm by film, all paints of the catalogue, {times}: 90 % intervals where the noise is {NOISE.floor}")
     say(f"{'':<32}{'bands told apart':>18}{'k held':>9}{'s held':>9}")
     paints = list(catalogue.load().values())
     truth = np.stack([np.stack([p.absorption, p.scattering], axis=-1) for p in paints]) * UNIT
@@ -148,7 +149,7 @@ def simulated(say: Results, count: int) -> None:
             made = tube(paint, white, case, seed)
             began = time.perf_counter()
             found = recover_jointly(made.films.take([0, 1]), made.recipes, instrument=instrument, known={WHITE: white})
-            entry = entries(found, UNIT, PaintFile(Path("mine.csv"), {}), {WHITE: white})[0].pigment
+            entry = entries(found, PaintFile(Path("mine.csv"), {}))[0].pigment
             seconds.append(time.perf_counter() - began)
             held.append(within(entry, made.truth))
             (third,) = predict_films(found, made.films.take([2]), made.recipes, noise=NOISE)
@@ -227,7 +228,7 @@ def seconds(say: Results) -> None:
     films, known = made.films.take([0, 1]), {WHITE: catalogue.pigment(WHITE)}
     began = time.perf_counter()
     found = recover_jointly(films, made.recipes, known=known)
-    entries(found, UNIT, PaintFile(Path("mine.csv"), {}), known)
+    entries(found, PaintFile(Path("mine.csv"), {}))
     fit = time.perf_counter() - began
     lessons(found, "CobaltBlue", known=known)
     began = time.perf_counter()

@@ -34,6 +34,7 @@ extensions = [
     "reference",
     "results",
     "gallery",
+    "reading",
     "notebook_times",
     "offline",
 ]
@@ -92,7 +93,7 @@ html_theme_options = {
     "use_fullscreen_button": False,
     "home_page_in_toc": False,
     "show_toc_level": 2,
-    "content_footer_items": ["copyright.html"],
+    "footer_content_items": ["copyright.html"],
     # One search field, the one of the side bar.
     "navbar_start": [],
     "navbar_center": [],

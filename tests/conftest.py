@@ -2,6 +2,7 @@
 
 import ctypes
 import gc
+import math
 import os
 import resource
 import sys
@@ -23,19 +24,21 @@ import jax
 import jaxtyping
 import pytest
 
+from tests.checked import begin_test, check_annotations
+
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_logging_level", "CRITICAL")  # XLA calls a program taken from the cache an error
 # Programs compiled by one worker or run serve the others.
 jax.config.update("jax_compilation_cache_dir", str(Path(__file__).parents[1] / ".pytest_cache" / "xla"))
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
 
-# Every annotation of the forward package is checked while the tests run, shapes too; GLAZEJAX_CHECK_TYPES=0 leaves it
-# out, "all" adds the inverse package. A whole number counts as a float, as for type checkers (PEP 484).
-if os.environ.get("GLAZEJAX_CHECK_TYPES", "1") != "0":
-    jaxtyping.install_import_hook(
-        ["glazejax", "glazefit"] if os.environ.get("GLAZEJAX_CHECK_TYPES") == "all" else ["glazejax"],
-        "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))",
-    )
+# Annotations of the forward package are checked while the tests run, shapes too, in the first calls of each function in
+# each test. GLAZEJAX_CHECK_TYPES=0 leaves that out, "all" checks every call, and the inverse package.
+_CHECKED = os.environ.get("GLAZEJAX_CHECK_TYPES", "1")
+if _CHECKED == "all":
+    check_annotations(["glazejax", "glazefit"], math.inf)
+elif _CHECKED != "0":
+    check_annotations(["glazejax"], 100)
 
 hypothesis.settings.register_profile("glazejax", deadline=None, max_examples=50)
 hypothesis.settings.load_profile("glazejax")
@@ -53,7 +56,7 @@ _MUCH_MEMORY = 1.2e9
 @pytest.fixture(autouse=True)
 def _dtypes_are_said(request):
     """No dtype becomes another by itself, in the forward package; in the inverse one where all types are checked."""
-    forward = "fitting" not in request.path.parts or os.environ.get("GLAZEJAX_CHECK_TYPES") == "all"
+    forward = "fitting" not in request.path.parts or _CHECKED == "all"
     with jax.numpy_dtype_promotion("strict" if forward else "standard"):
         yield
 
@@ -107,6 +110,7 @@ _BUDGET = float(os.environ.get("GLAZEJAX_TEST_SECONDS") or "inf")
 
 
 def pytest_runtest_setup(item):
+    begin_test()
     if ELSEWHERE and item.get_closest_marker("processor"):
         pytest.skip("of a CPU's programs, and JAX_PLATFORMS asks for another device")
     if time.monotonic() - _STARTED > _BUDGET:

@@ -2,6 +2,7 @@
 
 import json
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -30,12 +31,13 @@ def scanned(tmp_path, monkeypatch):
 
     monkeypatch.setattr(prediction, "leave_out", leave_out)
     recipes = RECIPES | {"deep": {"Red": 95.0, "BoneBlack": 5.0}}
-    return lambda: prediction.scan(SimpleNamespace(names=tuple(recipes)), recipes, part), fitted, part
+    films: Any = SimpleNamespace(names=tuple(recipes))
+    return lambda: prediction.scan(films, recipes, part), fitted, part
 
 
 def test_only_mixtures_are_left_out():
     """A masstone is no mixture, also where its recipe names other paints with no weight."""
-    assert prediction.mixtures(SimpleNamespace(names=tuple(RECIPES)), RECIPES) == ["pale", "deep"]
+    assert prediction.mixtures(tuple(RECIPES), RECIPES) == ["pale", "deep"]
 
 
 def test_a_scan_goes_on_where_it_was_stopped(scanned):

@@ -1,5 +1,6 @@
 """`python -m benchmarks.all`: names every benchmark, runs each by itself, and ends with a table whatever happens."""
 
+import ast
 import os
 import signal
 import subprocess
@@ -93,6 +94,34 @@ def test_what_a_benchmark_needs_is_understood(module):
     for need in (*declared(module, "NEEDS", ()), *declared(module, "PARTS_NEED", ())):
         assert need in ("gpu", "long") or need.startswith(("data/", "program/")) or need.isidentifier()
         assert isinstance(runner.lacks(need), str)
+
+
+# What is always there: this project, what pyproject.toml depends on, and what comes with another package.
+PLAIN = {"glazejax", "glazefit", "benchmarks", "tests", "jax", "numpy", "scipy", "equinox", "jaxtyping", "lineax"} | {
+    "optimistix", "colour", "emcee", "drjit"
+}  # fmt: skip
+
+
+def imported(path):
+    """Packages that a module imports anywhere but for types, of those that may be missing."""
+    tree = ast.parse(path.read_text())
+    typing = {
+        n for t in ast.walk(tree) if isinstance(t, ast.If) and "TYPE_CHECKING" in ast.dump(t) for n in ast.walk(t)
+    }
+    names = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import) and node not in typing:
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node not in typing and node.module:
+            names.add(node.module)
+    return {name.partition(".")[0] for name in names} - PLAIN - set(sys.stdlib_module_names)
+
+
+@pytest.mark.parametrize("module", modules(), ids=lambda path: path.stem)
+def test_a_benchmark_says_which_packages_it_needs(module):
+    """Where one is missing, the benchmark is then left out, or a part of it is, and said."""
+    said = {*declared(module, "NEEDS", ()), *declared(module, "PARTS_NEED", ())}
+    assert not imported(module) - said, f"{module.name}: add these to NEEDS or PARTS_NEED"
 
 
 @pytest.mark.parametrize("module", modules(), ids=lambda path: path.stem)

@@ -1,6 +1,7 @@
 import csv
 from pathlib import Path
 
+import jax
 import numpy as np
 import pytest
 
@@ -43,6 +44,21 @@ def test_names_grid_and_provenance():
         assert paint.absorption_sd is not None
         for word in ("CC0", "25 micrometres", "10.1186/s40494-018-0181-6"):
             assert word in paint.provenance
+
+
+def test_paints_are_read_once_for_each_precision():
+    double = catalogue.load()["ZincWhite"]
+    assert catalogue.load()["ZincWhite"] is double
+    with jax.enable_x64(False):
+        single = catalogue.load()["ZincWhite"]
+    assert (double.absorption.dtype, single.absorption.dtype) == (np.float64, np.float32)
+    np.testing.assert_allclose(single.absorption, double.absorption, rtol=1e-6)
+
+
+def test_what_is_first_read_in_a_traced_function_outlives_it():
+    catalogue._read_once.cache_clear()
+    traced = jax.jit(lambda x: x * catalogue.load()["ZincWhite"].absorption)(2.0)
+    np.testing.assert_allclose(traced, 2.0 * np.asarray(catalogue.load()["ZincWhite"].absorption))
 
 
 @pytest.mark.parametrize("asked", ["Vermilion", "vermillion", "Vermillion Red"])

@@ -18,10 +18,13 @@ ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 sys.path.insert(0, str(DOCS / "_ext"))
 
-from docstrings import as_links, join_returns  # noqa: E402
+from docstrings import as_links, join_returns, short_defaults  # noqa: E402
 from notebook_times import too_slow  # noqa: E402
 from offline import faults_of  # noqa: E402
 from pages_of_repository import TEXTS, links_for_site  # noqa: E402
+from reading import code_that_breaks, pictures_that_open  # noqa: E402
+from reference import as_markdown  # noqa: E402
+from results import folded  # noqa: E402
 
 MADE = {"reference", "results", "project"}
 """Folders of the site that are written when it is built."""
@@ -149,6 +152,14 @@ def test_the_python_of_the_first_steps_runs(page, tmp_path):
             subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True, timeout=600)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["what-there-is", "exports", "studio"])
+def test_the_python_of_a_page_runs(name, tmp_path):
+    """All blocks of a page as one program. What docs/mitsuba.md shows takes minutes; tests/appearance has its like."""
+    code = "\n".join(blocks(DOCS / f"{name}.md", "python"))
+    subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True, timeout=600)
+
+
 EXAMPLES = [
     ".".join(path.relative_to(folder).with_suffix("").parts).removesuffix(".__init__")
     for folder in (ROOT / "src", ROOT / "fitting")
@@ -191,6 +202,41 @@ def test_types_of_the_reference_are_links():
     assert as_links("Films | None") == "`~.Films` | ``None``"
     assert as_links("float") == "``float``"
     assert as_links("Mapping[str, Films | None]") == "``Mapping[str, Films | None]``"
+
+
+def test_defaults_without_words_are_left_out_of_signatures():
+    given = "(name, labs=<factory>, progress=<function <lambda>>, count=5)"
+    assert short_defaults(given) == "(name, labs=..., progress=..., count=5)"
+
+
+def test_code_breaks_at_its_joints_and_options_never():
+    def code(words: str) -> str:
+        return code_that_breaks(f'<code><span class="pre">{words}</span></code>')
+
+    assert code("split_reflectance_factor").count("<wbr/>") == 2
+    assert "split_<wbr/>reflectance_<wbr/>factor" in code("split_reflectance_factor")
+    assert "option" in code("--refractive-index")
+    assert "<wbr/>" not in code("--refractive-index") + code("glazejax") + code("&quot;&lt;&gt;&amp;&quot;")
+
+
+def test_a_picture_opens_unless_it_is_a_link():
+    picture = '<img alt="a glaze" src="_images/glaze.png" />'
+    assert pictures_that_open(picture) == f'<a class="picture" href="_images/glaze.png">{picture}</a>'
+    assert pictures_that_open(f'<a href="coats.html">{picture}</a>') == f'<a href="coats.html">{picture}</a>'
+
+
+def test_words_of_a_result_are_folded_and_tables_are_not():
+    words, row = "a long sentence " * 10, "film  " * 40
+    assert all(len(line) <= 110 for line in folded(words).splitlines())
+    assert folded(words).split() == words.split()
+    assert folded(row) == row
+
+
+def test_help_of_a_command_keeps_its_asterisks_and_its_lines():
+    assert as_markdown("0.7*ZincWhite + 0.3*Eosin, --layers") == "0.7\\*ZincWhite + 0.3\\*Eosin, `--layers`"
+    assert as_markdown("Example: glazejax convert a b --long") == "Example: `glazejax convert a b --long`"
+    told = as_markdown("Example: glazejax scene --example > a\n         glazejax scene a -o b")
+    assert "```sh\nglazejax scene --example > a\nglazejax scene a -o b\n```" in told
 
 
 def test_words_before_a_colon_are_no_type():

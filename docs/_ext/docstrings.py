@@ -57,6 +57,8 @@ def _list_attributes(app: "Sphinx", what: str, name: str, thing: Any, options: A
 
     Of a property it would take what stands before a colon as its type.
     """
+    if lines and lines[0].startswith("Alias for field number"):
+        lines.clear()  # Python's words of a named tuple; the class says what it is.
     if what in _SHORT:
         _kept[name] = list(lines)
     if "Attributes:" not in lines:
@@ -82,6 +84,8 @@ def _add_types(app: "Sphinx", what: str, name: str, thing: Any, options: Any, li
         lines[:] = _kept.pop(name, lines)
     types = written_types(thing)
     for at in range(len(lines) - 1, -1, -1):
+        # `m.`, alone, would begin a list: it is metres.
+        lines[at] = re.sub(r"^(:param \w+: )(\w\.)$", r"\1\\\2", lines[at])
         if (found := re.match(r":param (\w+):", lines[at])) and found[1] in types:
             lines.insert(at, f":type {found[1]}: {as_links(types[found[1]])}")
     join_returns(lines)
@@ -111,6 +115,15 @@ def _dashes(app: "Sphinx", doctree: "nodes.document", page: str) -> None:
                 text.parent.replace(text, nodes.Text(" – "))
 
 
+def short_defaults(signature: str | None) -> str | None:
+    """A signature without what Python prints of a default that has no words: `<factory>`, `<function <lambda>>`."""
+    return None if signature is None else re.sub(r"=<(?:[^<>]|<[^<>]*>)*>", "=...", signature)
+
+
+def _sign(app: "Sphinx", what: str, name: str, thing: Any, options: Any, args: str | None, back: str | None) -> Any:
+    return short_defaults(args), back
+
+
 def setup(app: "Sphinx") -> dict[str, Any]:
     """Called by Sphinx."""
     from pygments.lexers.special import TextLexer
@@ -118,6 +131,7 @@ def setup(app: "Sphinx") -> dict[str, Any]:
     app.setup_extension("sphinx.ext.autodoc")
     app.connect("autodoc-process-docstring", _list_attributes, priority=400)
     app.connect("autodoc-process-docstring", _add_types, priority=600)
+    app.connect("autodoc-process-signature", _sign)
     app.connect("doctree-resolved", _dashes)
     app.add_lexer("rooms", TextLexer)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -4,8 +4,8 @@ import importlib
 import inspect
 import re
 from pathlib import Path
-from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from types import ModuleType, UnionType
+from typing import TYPE_CHECKING, Any, get_args
 
 from pages_of_repository import DOCS, write_if_new
 
@@ -67,7 +67,10 @@ def public_names(room: ModuleType) -> list[str]:
     ]
 
 
-def _first_sentence(value: Any) -> str:
+def first_sentence(value: Any) -> str:
+    """What a name is, in a line: the beginning of its docstring; of a union of types, which has none, their names."""
+    if isinstance(value, UnionType):
+        return " or ".join(f":py:obj:`~.{one.__name__}`" for one in get_args(value)) + "."
     words = " ".join((inspect.getdoc(value) or "").partition("\n\n")[0].split())
     return words.partition(": ")[0] if len(words) > 140 else words
 
@@ -77,7 +80,7 @@ def _directive(room: str, name: str, value: Any) -> list[str]:
         return [f".. autoclass:: {name}", "   :members:", ""]
     if callable(value) and hasattr(value, "__doc__") and not isinstance(value, type):
         return [f".. autofunction:: {name}", ""]
-    return [f".. py:data:: {name}", ""]
+    return [f".. py:data:: {name}", "", *([f"   {first_sentence(value)}", ""] if isinstance(value, UnionType) else [])]
 
 
 def _page(name: str, seen: dict[int, str]) -> str:
@@ -95,7 +98,7 @@ def _page(name: str, seen: dict[int, str]) -> str:
             bodies += _directive(name, public, value)
     lines += [".. list-table::", "   :widths: 38 62", "   :class: names", ""]
     for link, value in rows:
-        described = _first_sentence(value) if inspect.isroutine(value) or not _is_plain(value) else ""
+        described = first_sentence(value) if inspect.isroutine(value) or not _is_plain(value) else ""
         lines += [f"   * - {link}", f"     - {described}"]
     return "\n".join([*lines, "", *bodies])
 
@@ -116,11 +119,19 @@ def _index() -> str:
     return "\n".join(lines)
 
 
-def _as_code(words: str) -> str:
-    """Options and whole command lines of a help text as code."""
-    words = re.sub(r"(?<=: )(glazejax [a-z][^\n`]*)$", r"`\1`", words, flags=re.MULTILINE)
-    parts = re.split(r"(`[^`]*`)", words)
-    return "".join(part if part[:1] == "`" else re.sub(r"(?<![\w-])(--[a-z][a-z-]*)", r"`\1`", part) for part in parts)
+def as_markdown(words: str) -> str:
+    """Options and whole command lines of a help text as code; its asterisks are asterisks."""
+
+    def command(found: re.Match[str]) -> str:
+        lines = [line.strip() for line in found[1].splitlines()]
+        return f": `{lines[0]}`" if len(lines) == 1 else "\n".join([":", "", "```sh", *lines, "```"])
+
+    words = re.sub(r":\s+(glazejax [a-z][^\n`]*(?:\n +glazejax [^\n`]*)*)$", command, words, flags=re.MULTILINE)
+    parts = re.split(r"(```.*?```|`[^`]*`)", words, flags=re.DOTALL)
+    return "".join(
+        part if part[:1] == "`" else re.sub(r"(?<![\w-])(--[a-z][a-z-]*)", r"`\1`", part.replace("*", "\\*"))
+        for part in parts
+    )
 
 
 def _commands() -> str:
@@ -132,7 +143,7 @@ def _commands() -> str:
     lines = ["# The command `glazejax`", "", "As `--help` says it.", ""]
     for name, command in sorted(group.commands.items()):  # type: ignore[attr-defined]
         # Words of a command's help are laid out by blank lines; single backquotes are code in Markdown, too.
-        words = _as_code(inspect.cleandoc(command.help or "").replace("\b\n", ""))
+        words = as_markdown(inspect.cleandoc(command.help or "").replace("\b\n", ""))
         lines += [f"## glazejax {name}", "", words, "", "| option | what it does |", "|---|---|"]
         for one in command.params:
             if getattr(one, "hidden", False) or one.name == "help":
@@ -141,7 +152,7 @@ def _commands() -> str:
             if one.param_type_name == "argument":
                 flags = f"`{(one.metavar or one.name).upper()}`"
             said = " ".join((getattr(one, "help", None) or "").split()).replace("|", "\\|")
-            lines.append(f"| {flags} | {_as_code(said)} |")
+            lines.append(f"| {flags} | {as_markdown(said)} |")
         lines.append("")
     return "\n".join(lines)
 

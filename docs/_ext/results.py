@@ -6,6 +6,8 @@ the build.
 """
 
 import ast
+import re
+import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -44,13 +46,28 @@ class Result(SphinxRole):
         return [link], []
 
 
-def _page(path: Path) -> str:
+def folded(line: str) -> str:
+    """A long sentence in several lines; a row of a table, which has columns two spaces apart, as it is."""
+    words = line.strip()
+    if len(line) <= 110 or "  " in words:
+        return line
+    indent = line[: len(line) - len(line.lstrip())]
+    return textwrap.fill(words, 110, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False)
+
+
+def _about(path: Path) -> str:
+    """What a benchmark asks: the first paragraph of its module."""
     told = ast.get_docstring(ast.parse(module_of(path.stem).read_text("utf-8"))) or ""
-    lines = [f"# {path.stem.replace('_', ' ')}", "", told.partition("\n\n")[0].replace("\n", " "), ""]
+    return told.partition("\n\n")[0].replace("\n", " ")
+
+
+def _page(path: Path) -> str:
+    lines = [f"# {path.stem.replace('_', ' ')}", "", _about(path), ""]
     lines += [f"`{head(path.stem).command}` wrote this:", ""]
-    lines += ["```text", path.read_text(encoding="utf-8").rstrip(), "```", ""]
+    lines += ["```text", *map(folded, path.read_text(encoding="utf-8").rstrip().splitlines()), "```", ""]
     if path.with_suffix(".png").is_file():
-        lines += [f"![The same as a picture](/../benchmarks/results/{path.stem}.png)", ""]
+        words = re.sub(r"[\[\]`]", "", _about(path))
+        lines += [f"![Drawn from the numbers above. {words}](/../benchmarks/results/{path.stem}.png)", ""]
     return "\n".join(lines)
 
 
@@ -72,8 +89,15 @@ def _write(app: Sphinx) -> None:
         "",
         "What the benchmarks wrote, as they wrote it. Figures in the text are taken from here.",
         "",
+        "| result | what it asks |",
+        "|---|---|",
+        *(
+            f"| [{path.stem.replace('_', ' ')}]({path.stem}.md) | {_about(path).replace('|', chr(92) + '|')} |"
+            for path in files
+        ),
+        "",
         "```{toctree}",
-        ":maxdepth: 1",
+        ":hidden:",
         "",
         *(path.stem for path in files),
         "```",

@@ -3,6 +3,8 @@ from .film.errors import Prior as Prior
 from .film.films import Films as Films
 from .film.films import Instrument as Instrument
 from .film.films import Noise as Noise
+from .film.loose import named_recipes as named_recipes
+from .film.loose import read_loose_films as read_loose_films
 from .film.mixing import MixingLaw as MixingLaw
 from .film.readers import read_films as read_films
 from .film.readers import read_names as read_names
@@ -35,6 +37,7 @@ from .recipe.targets import spectral_target as spectral_target
 from .recipe.targets import srgb_target as srgb_target
 from .recover.crossvalidation import LeftOut as LeftOut
 from .recover.crossvalidation import leave_films_out as leave_films_out
+from .recover.entries import add_paints as add_paints
 from .recover.film_by_film import recover_films as recover_films
 from .recover.joint import recover_jointly as recover_jointly
 from .recover.joint_result import JointRecovery as JointRecovery

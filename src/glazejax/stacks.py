@@ -183,7 +183,13 @@ def common_grid(stack: Stack, shelf: Mapping[str, Pigment]) -> Float[np.ndarray,
 
 
 def read_stack(path: str | Path) -> Stack:
-    """Read a stack; see the module for the form.
+    """Read a stack of coats from the small JSON file that the studio and `write_stack` write.
+
+    Args:
+        path: the file; its form is that of `glazejax.stacks`.
+
+    Returns:
+        `Stack`; its ``glaze()`` goes to `glazejax.reflectance`.
 
     Raises:
         FileNotFoundError: no such file.
@@ -197,7 +203,15 @@ def read_stack(path: str | Path) -> Stack:
 
 
 def write_stack(path: str | Path, stack: Stack, *, overwrite: bool = False) -> Path:
-    """Write a stack as JSON.
+    """Write a stack as JSON, for the studio, ``glazejax render --stack`` and `read_stack`.
+
+    Args:
+        path: the file; its folder must exist.
+        stack: what is written.
+        overwrite: replace a file that is there.
+
+    Returns:
+        The path.
 
     Raises:
         FileExistsError, FileNotFoundError, IsADirectoryError: see `glazejax.io.outputs.check_output`.

@@ -40,7 +40,7 @@ def luminance(scene: Scene, samples: int = 4096, **how) -> np.ndarray:
 
 
 @pytest.mark.optimised
-@pytest.mark.parametrize("name", ["diffuse", "copper", "glaze", "map", "gloss"])
+@pytest.mark.parametrize("name", ["diffuse", "copper", "glaze", pytest.param("map", marks=pytest.mark.slow), "gloss"])
 def test_pictures_are_those_of_the_ray_caster(name, mi):
     case = cases(32, 24)[name]
     mine, traced = ours(case, antialias=10), theirs(case, samples=1024)

@@ -143,6 +143,7 @@ def assert_same(found: dict, expected: dict, names: dict[str, str]) -> None:
         )
 
 
+@pytest.mark.slow
 def test_a_stack_of_one_coat_is_a_film(single):
     film, expected = single
     result = posterior_of_coats(film, COATS[1:], steps=0)

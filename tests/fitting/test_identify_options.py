@@ -172,5 +172,7 @@ def test_pigments_carry_their_own_grid():
     """The catalogue's grid is brought to that of the spectra before anything is compared."""
     fine = np.arange(390.0, 711.0, 1.0)
     pigment = Pigment("x", fine, fine, 2.0 * fine)
-    (known,) = SEARCHER.check_pigments([pigment], GRID)
-    np.testing.assert_allclose(known.absorption, GRID)
+    # A catalogue as `glazejax.catalogue.load` gives it, or a list.
+    for catalogue_of_one in ([pigment], {"x": pigment}):
+        (known,) = SEARCHER.check_pigments(catalogue_of_one, GRID)
+        np.testing.assert_allclose(known.absorption, GRID)

@@ -10,13 +10,12 @@ from glazefit.film.films import USUAL_CARD_SD, bare_surface, cards, usual_cards
 from glazefit.film.loose import average, crop, named_recipes, read_loose_films, tint
 from glazefit.film.noise import estimate_noise, roughness
 from glazefit.film.response import film_response
-from glazefit.recover.entries import PaintFile, add_entries, entries
+from glazefit.recover.entries import add_paints
 from glazefit.recover.joint import UNIT, recover_jointly
 from glazefit.recover.joint_problem import Expectations
 from glazefit.recover.known import Gauge, error_modes, tell
 from glazefit.recover.next_film import lessons
-from glazejax import Pigment
-from glazejax.paint.pigment_table import read_pigments
+from glazejax import Pigment, catalogue
 
 GRID = np.arange(400.0, 701.0, 20.0)
 BLUE = np.stack([0.05 + 3.0 * np.exp(-(((GRID - 590) / 60) ** 2)), np.full(GRID.size, 1.0)])
@@ -300,11 +299,12 @@ def test_entries_keep_what_is_there_and_share_the_errors_of_the_white(tmp_path):
     instrument = Instrument()
     path = tmp_path / "mine.csv"
     found = fitted(painted(instrument), instrument, known={"White": white()})
-    file = PaintFile.open(path)
-    add_entries(file, entries(found, UNIT, file, {"White": white()}), ["first"])
-    mine = read_pigments(path)
+    assert repr(found) == "JointRecovery(Blue from 2 films, known: White)"
+    assert add_paints(found, path) == ("Blue", "White")
+    mine = catalogue.read(path)
     assert list(mine) == ["Blue", "White"]
-    assert mine["White"].provenance == mine["Blue"].provenance == "first"
+    first = "Blue, White: glazejax recover, 2 films, scale of White."
+    assert mine["White"].provenance == mine["Blue"].provenance == f"{first} White: mine"
     np.testing.assert_allclose(modes_of(mine["White"])[0], 0.05, rtol=1e-2)
     np.testing.assert_allclose(modes_of(mine["White"])[1:], 0.0)
     # A stronger white would make the blue stronger.
@@ -316,19 +316,16 @@ def test_entries_keep_what_is_there_and_share_the_errors_of_the_white(tmp_path):
 
     # Another paint goes beside them; their lines stay, with nought in the columns that are new.
     before = path.read_text().splitlines()
-    second = PaintFile.open(path)
     films = dataclasses.replace(painted(instrument, seed=5), names=("Sky", "Sky 1:10 White"))
     recipes = named_recipes(films.names, {})
-    sky = recover_jointly(films, recipes, noise=Noise(), known={"White": second.paints["White"]})
-    made = entries(sky, UNIT, second, {"White": second.paints["White"]})
-    assert [entry.pigment.name for entry in made] == ["Sky"]
-    add_entries(second, made, ["second"])
+    sky = recover_jointly(films, recipes, noise=Noise(), known={"White": mine["White"]})
+    assert add_paints(sky, path) == ("Sky",)
     after = path.read_text().splitlines()
-    assert after[:2] == ["# first", "# second"]
-    for old, new in zip(before[2:], after[3:], strict=False):
+    assert after[:3] == [*before[:2], "# Sky: glazejax recover, 2 films, scale of White."]
+    for old, new in zip(before[3:], after[4:], strict=False):
         assert new.startswith(old)
         assert set(new[len(old) :]) <= set(",0")
-    again = read_pigments(path)
+    again = catalogue.read(path)
     np.testing.assert_array_equal(again["Blue"].absorption, mine["Blue"].absorption)
     there = len(modes_of(mine["Blue"]))
     np.testing.assert_array_equal(modes_of(again["Blue"])[:there], modes_of(mine["Blue"]))
@@ -338,11 +335,21 @@ def test_entries_keep_what_is_there_and_share_the_errors_of_the_white(tmp_path):
     # Both inherit the white's error.
     assert np.median(np.asarray(again["Sky"].error_modes)[0]) > 0.02
 
-    third = PaintFile.open(path)
-    with pytest.raises(ValueError, match="has an entry 'Sky'"):
-        add_entries(third, made, [])
-    add_entries(third, made, [], overwrite=True)
-    assert list(read_pigments(path)) == ["Blue", "White", "Sky"]
+    whole = path.read_text()
+    with pytest.raises(ValueError, match="has an entry 'Sky'; give another name, or replace it with overwrite=True"):
+        add_paints(sky, path)
+    # Errors of mixtures would be wrong with two whites of one name.
+    twice = Pigment("White", GRID, *(2 * PALE / UNIT), error_modes=mine["White"].error_modes)
+    other = Pigment("White", GRID, *(PALE / UNIT), error_modes=2 * modes_of(mine["White"]))
+    short = mine["White"].resample(GRID[2:])
+    for paint in (twice, other, short):
+        with pytest.raises(ValueError, match="has another 'White' than the fit was told; tell it the file's own"):
+            add_paints(dataclasses.replace(sky, known_paints={"White": paint}), path, overwrite=True)
+    assert path.read_text() == whole
+    # A copy of the same paint is the same.
+    copy = dataclasses.replace(sky, known_paints={"White": again["White"]})
+    assert add_paints(copy, path, overwrite=True) == ("Sky",)
+    assert list(catalogue.read(path)) == ["Blue", "White", "Sky"]
     assert not list(tmp_path.glob("*.part"))
 
 

@@ -6,9 +6,9 @@ import json
 import numpy as np
 import pytest
 
+from glazefit import set_names
 from glazefit.mapping.chunk import ChunkMaps
 from glazefit.mapping.export import check_export, export_map
-from glazefit import set_names
 from glazefit.mapping.layout import VARIABLES, Status
 from glazefit.mapping.run import run_chunks
 from glazefit.mapping.store import MapStore, open_map
@@ -84,8 +84,11 @@ def test_a_set_has_the_names_of_its_paints_before_and_after_export(store, tmp_pa
     names = set_names(ours)
     assert names.dims == ("y", "x")
     for members, words in (
-        ([-1, -1, -1], ""), ([0, -1, -1], "ZincWhite"), ([1, 2, -1], "Eosin + Umber"), ([0, 1, 2], "ZincWhite + Eosin + Umber")
-    ):  # fmt: skip
+        ([-1, -1, -1], ""),
+        ([0, -1, -1], "ZincWhite"),
+        ([1, 2, -1], "Eosin + Umber"),
+        ([0, 1, 2], "ZincWhite + Eosin + Umber"),
+    ):
         there = (ours.members.values == members).all(axis=-1)
         assert there.any()
         assert set(names.values[there]) == {words}

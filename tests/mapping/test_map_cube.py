@@ -84,7 +84,7 @@ def test_colours_are_those_of_the_spectra(made, cube):
 
 def test_pixels_are_answered_as_a_search_answers_them(made, cube, options):
     found = made[0]
-    task = map_task(cube, small.paints(), **options)
+    task = map_task(cube, dict(zip(small.PAINTS, small.paints(), strict=True)), **options)
     y, x = np.nonzero(found["status"].values == Status.MAPPED)
     some = np.random.default_rng(0).choice(len(y), 128, replace=False)
     y, x = y[some], x[some]

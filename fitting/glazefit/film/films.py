@@ -12,8 +12,9 @@ from jaxtyping import Bool, Float
 
 from glazejax import Bidirectional
 from glazejax.geometry import Instrument as Instrument
+from glazejax.io.spectra_table import listed
 from glazejax.radiative.common.fresnel import dielectric_reflectance
-from glazejax.spectra import validate_wavelengths
+from glazejax.spectra import describe_grid, validate_wavelengths
 
 from .response import ground_below
 
@@ -121,6 +122,9 @@ class Films:
 
     def __len__(self) -> int:
         return len(self.names)
+
+    def __repr__(self) -> str:
+        return f"Films({len(self)} films, {describe_grid(self.wavelengths)}: {listed(self.names)})"
 
     def take(self, rows: Sequence[int] | slice) -> "Films":
         """Some of the films, by number."""

@@ -14,7 +14,17 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from glazejax import Pigment
+
 LAWS = ("mass", "volume", "strength")
+
+Pigments = Mapping[str, Pigment] | Sequence[Pigment]
+"""A catalogue as the user has it."""
+
+
+def listed_pigments(pigments: Pigments) -> list[Pigment]:
+    """The paints of a catalogue, of a mapping its values."""
+    return list(pigments.values()) if isinstance(pigments, Mapping) else list(pigments)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from glazejax.spectra import validate_wavelengths
+from glazejax.spectra import describe_grid, validate_wavelengths
 
 from .films import Films, Instrument, Noise, cards
 
@@ -57,6 +57,9 @@ class Reading:
                     f"{what} of {self.name!r} over {self.grounds[j]} at {self.wavelengths[i]:g} nm is "
                     f"{values[i, j]:g}; it must be in [{low:g}, {high:g}]"
                 )
+
+    def __repr__(self) -> str:
+        return f"Reading({self.name!r} over {' and '.join(self.grounds)}, {describe_grid(self.wavelengths)})"
 
 
 def readings(films: Films, instrument: Instrument, noise: Noise) -> list[Reading]:

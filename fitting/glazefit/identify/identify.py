@@ -12,11 +12,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import ArrayLike, Float
 
-from glazejax import Hemispherical, Pigment
+from glazejax import Hemispherical
 from glazejax.geometry import Geometry, resolve_instrument
 
 from ..film.errors import Discrepancy, Prior
 from ..film.films import Films, Instrument, Noise, cards
+from ..film.mixing import Pigments
 from ..film.response import film_response
 from .result import Identification
 from .searcher import Searcher
@@ -26,7 +27,7 @@ from .weigh import weigh
 def identify_chunks(
     spectra: ArrayLike,
     wavelengths: ArrayLike,
-    pigments: Sequence[Pigment],
+    pigments: Pigments,
     *,
     grounds: ArrayLike | None,
     instrument: Instrument | None = None,
@@ -42,28 +43,7 @@ def identify_chunks(
 ) -> Iterator[Identification]:
     """As `identify`, a few spectra at a time, so that progress can be shown and an interrupt loses little.
 
-    Args:
-        spectra: reflectance as fractions, (bands,), (spectra, bands), or (spectra, grounds, bands) for one film over
-            several grounds.
-        wavelengths: (bands,), nm.
-        pigments: the catalogue, on any grids that cover the spectra's.
-        grounds: internal reflectance (that under paint) of the grounds: a number, (bands,) or (grounds, bands), or one
-            for each spectrum, (spectra, grounds, bands). None for films that hide their ground; their thickness is then
-            unknown.
-        instrument: by default d:8 with the specular part, index 1.5.
-        geometry: replaces the instrument's, such as `glazejax.Bidirectional(45, 0)` for one without a sphere.
-        noise: of a reading; where the spectra themselves are rougher, their roughness counts.
-        discrepancy: of the model; by default `glazefit.film.errors.BETWEEN_FILMS`.
-        prior: what is expected beforehand.
-        max_paints: largest set, 1 to 3.
-        layers: 2 tries the best sets as two coats too, in both orders.
-        names: of the spectra.
-        keep: candidates kept for each spectrum.
-        thorough: fit every pair, and give every set errors of its own: some four times as long for the same first
-            answer in most cases (`glazefit.identify.effort`).
-
-    Raises:
-        ValueError: shapes that do not match, values that are not reflectances, an empty catalogue, repeated names.
+    Args and errors are those of `identify`.
     """
     searcher = Searcher.of(
         wavelengths, pigments, opaque=grounds is None, instrument=instrument, geometry=geometry, noise=noise,
@@ -77,7 +57,7 @@ def identify_chunks(
 def identify(
     spectra: ArrayLike,
     wavelengths: ArrayLike,
-    pigments: Sequence[Pigment],
+    pigments: Pigments,
     *,
     grounds: ArrayLike | None,
     instrument: Instrument | None = None,
@@ -93,7 +73,33 @@ def identify(
 ) -> Identification:
     """Paints, fractions and thickness of films from their spectra, as ranked lists with probabilities.
 
-    Args and errors are those of `identify_chunks`.
+    Args:
+        spectra: reflectance as fractions, (bands,), (spectra, bands), or (spectra, grounds, bands) for one film over
+            several grounds.
+        wavelengths: (bands,), nm.
+        pigments: the catalogue, a mapping as `glazejax.catalogue.load` gives it or a list, on any grids that cover the
+            spectra's.
+        grounds: internal reflectance (that under paint) of the grounds: a number, (bands,) or (grounds, bands), or one
+            for each spectrum, (spectra, grounds, bands). None for films that hide their ground; their thickness is then
+            unknown.
+        instrument: by default d:8 with the specular part, index 1.5.
+        geometry: replaces the instrument's, such as `glazejax.Bidirectional(45, 0)` for one without a sphere.
+        noise: of a reading; where the spectra themselves are rougher, their roughness counts.
+        discrepancy: of the model; by default `glazefit.film.errors.BETWEEN_FILMS`.
+        prior: what is expected beforehand.
+        max_paints: largest set, 1 to 3.
+        layers: 2 tries the best sets as two coats too, in both orders.
+        names: of the spectra.
+        keep: candidates kept for each spectrum.
+        thorough: fit every pair, and give every set errors of its own: some four times as long for the same first
+            answer in most cases (`glazefit.identify.effort`).
+
+    Returns:
+        `Identification`; ``ranked(row)`` lists the explanations of a spectrum, ``none[row]`` is the probability that no
+        paints of the catalogue explain it.
+
+    Raises:
+        ValueError: shapes that do not match, values that are not reflectances, an empty catalogue, repeated names.
     """
     parts = identify_chunks(
         spectra, wavelengths, pigments, grounds=grounds, instrument=instrument, geometry=geometry, noise=noise,
@@ -105,7 +111,7 @@ def identify(
 
 def identify_films(
     films: Films,
-    pigments: Sequence[Pigment],
+    pigments: Pigments,
     *,
     instrument: Instrument | None = None,
     geometry: Geometry | None = None,
@@ -117,7 +123,18 @@ def identify_films(
     keep: int = 20,
     thorough: bool = False,
 ) -> Identification:
-    """As `identify`, for films over a black and a white card that were measured bare."""
+    """As `identify`, for films over a black and a white card that were measured bare.
+
+    Args:
+        films: such as `read_films` reads; their bare cards say what is below the paint.
+        pigments, instrument, geometry, noise, discrepancy, prior, max_paints, layers, keep, thorough: see `identify`.
+
+    Returns:
+        `Identification`, a row for each film.
+
+    Raises:
+        ValueError: as `identify`, or cards that are not possible (see `ground_from_air`).
+    """
     seen_by = resolve_instrument(instrument, geometry)
     if isinstance(seen_by.geometry, Hemispherical):
         black, white, _, _ = cards(films, seen_by, noise or Noise())
@@ -135,7 +152,15 @@ def identify_films(
 def ground_from_air(
     bare: Float[np.ndarray, "*shape"], geometry: Geometry | None = None, refractive_index: float = 1.5
 ) -> Float[np.ndarray, "*shape"]:
-    """Internal reflectance of grounds from what they read bare, with the same instrument, (...).
+    """Internal reflectance of grounds from what they read bare, with the same instrument.
+
+    Args:
+        bare: reflectance as read, as fractions, (...).
+        geometry: of the instrument; by default d:8 with the specular part.
+        refractive_index: of the paint that lies on them later.
+
+    Returns:
+        Reflectance as seen from inside the paint, (...).
 
     Raises:
         ValueError: a reading below the surface's reflection or above that of a perfect diffuser, by more than .01.

@@ -14,6 +14,8 @@ from ..film.variation import MIXED, PRIOR, SIZES
 from .conditions import CONDITIONS
 from .task import Measured
 
+# Spectra that are named where a result is printed.
+_SHOWN = 3
 NOBODY = -1
 """Stands where a candidate has fewer than three paints."""
 
@@ -66,6 +68,9 @@ class Candidate:
     rmse: float
     angle: float
     delta_e: float
+
+    def __repr__(self) -> str:
+        return f"Candidate({self.words!r}, probability {self.probability:.2f}, Delta E {self.delta_e:.1f})"
 
     @property
     def words(self) -> str:
@@ -189,6 +194,12 @@ class Identification:
 
     def __len__(self) -> int:
         return len(self.measured)
+
+    def __repr__(self) -> str:
+        best = [" + ".join(self.paints[i] for i in row[0] if i != NOBODY) for row in self.members[:_SHOWN]]
+        first = [f"{name!r}: {paints}" for name, paints in zip(self.measured.names[:_SHOWN], best, strict=True)]
+        more = f", and {len(self) - _SHOWN} more" if len(self) > _SHOWN else ""
+        return f"Identification({len(self)} spectra among {len(self.paints)} paints; {', '.join(first)}{more})"
 
     @property
     def explained(self) -> np.ndarray:

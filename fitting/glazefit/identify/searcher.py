@@ -12,6 +12,7 @@ from glazejax.spectra import validate_wavelengths
 
 from ..film.errors import BETWEEN_FILMS, Discrepancy, Prior, error_modes, relative_errors
 from ..film.films import Instrument, Noise
+from ..film.mixing import Pigments
 from ..film.optics import Optics
 from ..film.response import film_response
 from .effort import THOROUGH, USUAL
@@ -44,7 +45,7 @@ class Searcher(NamedTuple):
     def of(
         cls,
         wavelengths: ArrayLike,
-        pigments: Sequence[Pigment],
+        pigments: Pigments,
         *,
         opaque: bool,
         instrument: Instrument | None = None,

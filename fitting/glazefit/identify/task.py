@@ -13,6 +13,7 @@ from glazejax.spectra import validate_wavelengths
 
 from ..film.errors import Discrepancy, Prior, model_covariance, noise_covariance, whitening
 from ..film.films import Noise
+from ..film.mixing import Pigments, listed_pigments
 from ..film.noise import noise_of_each
 from ..film.optics import Optics
 from ..film.response import FilmResponse
@@ -86,7 +87,7 @@ class Measured:
 def check_spectra(
     spectra: ArrayLike, wavelengths: ArrayLike, grounds: ArrayLike | None, names: Sequence[str] | None, noise: Noise
 ) -> Measured:
-    """Spectra and grounds as (spectra, grounds, bands); see `glazefit.identify.identify.identify_chunks`.
+    """Spectra and grounds as (spectra, grounds, bands); see `glazefit.identify`.
 
     Raises:
         ValueError: shapes that do not match, values that are not reflectances, or repeated names.
@@ -133,13 +134,13 @@ def check_spectra(
     return Measured(labels, grid, readings, ground, np.maximum(noise.sd(readings), seen), doubt)
 
 
-def check_pigments(pigments: Sequence[Pigment], wavelengths: Float[np.ndarray, "bands"]) -> list[Pigment]:
+def check_pigments(pigments: Pigments, wavelengths: Float[np.ndarray, "bands"]) -> list[Pigment]:
     """The catalogue on the grid of the spectra.
 
     Raises:
         ValueError: no pigment, repeated names, several spectra in one pigment, or a grid that is too short.
     """
-    known = list(pigments)
+    known = listed_pigments(pigments)
     if not known:
         raise ValueError("the catalogue is empty; give at least one pigment")
     names = [pigment.name for pigment in known]

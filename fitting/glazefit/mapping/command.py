@@ -286,21 +286,12 @@ def _example(out: Path, console: "Console") -> dict[str, Any]:
 @contextmanager
 def _bar() -> Iterator[Callable[[Any], None]]:
     """A bar for each stage; what is yielded goes to `map_cube` as ``told``."""
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
                TimeRemainingColumn())  # fmt: skip
-    screen = Console(stderr=True)
     bars: dict[str, Any] = {}
-    with Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal) as shown:
+    with progress.bar(*columns) as shown:
 
         def told(step: Any) -> None:
             if step.stage not in bars:

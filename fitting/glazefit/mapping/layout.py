@@ -55,7 +55,7 @@ PLACES = 3
 VARIABLES = (
     Variable("status", "uint8", 0, "", "what became of the pixel"),
     Variable("way", "uint8", 0, "", "how its answer was found"),
-    Variable("members", "int16", -1, "", "paints of the most probable set by their numbers in `paint`, -1 for none", ("place",)),
+    Variable("members", "int16", -1, "", "paints of the most probable set, by number; -1 for none", ("place",)),
     Variable("coats", "int8", 0, "", "coat of each of them, 0 the uppermost", ("place",)),
     Variable("condition", "int8", 0, "", "how it lies if not as told"),
     Variable("probability", "float32", float("nan"), "1", "probability of that set"),

@@ -5,7 +5,7 @@ pixel is answered in closed form from the representative next to it. What that c
 searched themselves.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -13,11 +13,11 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from jaxtyping import ArrayLike, Bool, Float
 
-from glazejax import Pigment
 from glazejax.geometry import Geometry, Instrument
 
 from ..film.errors import Discrepancy, Prior
 from ..film.films import Noise
+from ..film.mixing import Pigments
 from ..film.noise import spectra_noise
 from .agreement import compare
 from .alike import one_thread_each
@@ -71,7 +71,7 @@ Told = Callable[[Progress], None]
 
 def map_cube(
     cube: "CubeSource | str | Path | xarray.DataArray",
-    pigments: Sequence[Pigment],
+    pigments: Pigments,
     *,
     grounds: ArrayLike | None,
     out: str | Path,
@@ -95,7 +95,7 @@ def map_cube(
 
     Args:
         cube: the image, or where it is; see `glazejax.io.open_cube`.
-        pigments: the catalogue, on any grids; bands that they do not cover are left out.
+        pigments: the catalogue, a mapping or a list, on any grids; bands that they do not cover are left out.
         grounds: internal reflectance of the ground under the paint: a number, or one for each band of the image. None
             for paint that hides its ground; its thickness is then unknown.
         out: folder of the map; its parent must exist.

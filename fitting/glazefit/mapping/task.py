@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from jaxtyping import ArrayLike, Bool, Float
 
-from glazejax import Pigment
 from glazejax.geometry import Geometry, Instrument, resolve_instrument
 from glazejax.spectra import describe_grid
 
 from ..film.errors import BETWEEN_FILMS, Discrepancy, Prior
 from ..film.films import Noise
+from ..film.mixing import Pigments, listed_pigments
 from ..identify.searcher import Searcher
 from .local import check_errors
 from .solver import Image
@@ -59,7 +59,7 @@ class MapTask:
 
 def map_task(
     cube: "CubeSource | str | Path | xarray.DataArray",
-    pigments: Sequence[Pigment],
+    pigments: Pigments,
     *,
     grounds: ArrayLike | None,
     mask: Bool[np.ndarray, "y x"] | str | Path | None = None,
@@ -89,8 +89,8 @@ def map_task(
     use = None if use is None else np.asarray(use, bool)
     seen_by, expected, errors = resolve_instrument(instrument, geometry), prior or Prior(), discrepancy or BETWEEN_FILMS
     check_errors(errors)
-    extra = [spot_pigment(name, stored, spectrum, pigments, seen_by) for name, spectrum in (spots or {}).items()]
-    known = [*pigments, *extra]
+    given = listed_pigments(pigments)
+    known = given + [spot_pigment(name, stored, spectrum, given, seen_by) for name, spectrum in (spots or {}).items()]
     bands = WorkingBands.of(stored, known)
     searcher = Searcher.of(
         bands.wavelengths, known, opaque=grounds is None, instrument=seen_by, discrepancy=errors, prior=expected,

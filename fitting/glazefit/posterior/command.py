@@ -316,7 +316,7 @@ def _run(task: _Task, prior: "FilmPrior", out: Path, given: dict[str, Any]) -> "
     from .posterior import posterior_of_bands, posterior_of_film
 
     out.mkdir(parents=True, exist_ok=True)
-    given = given | {"path": out / CHAIN, "progress": True}
+    given = given | {"path": out / CHAIN, "progress": progress.moving()}
     Console(stderr=True).print("[dim]Finding the mode; the first run compiles for up to a minute.[/dim]")
     if task.coats:
         return posterior_of_coats(task.film, task.coats, prior=prior, **given)

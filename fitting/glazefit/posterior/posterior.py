@@ -51,6 +51,9 @@ class Posterior:
     laplace: Laplace
     chain: "Chain | None"
 
+    def __repr__(self) -> str:
+        return f"Posterior({' and '.join(repr(film.name) for film in self.films)}: {self.words()})"
+
     @cached_property
     def convergence(self) -> "Convergence | None":
         """Whether the chain is long enough; None if nothing was sampled."""

@@ -17,6 +17,7 @@ from glazejax import Glaze, Layer, Mixture, colour
 from glazejax.geometry import Geometry
 from glazejax.paint.describe import Coat
 
+from ..film.mixing import Pigments
 from ..film.variation import MIXED, Variation
 from .choose import IN_GAMUT, Scored, rounded, score, select, simplified
 from .model import StackModel, readings, readings_ahead
@@ -24,7 +25,7 @@ from .polish import polish, polish_ahead
 from .refine import grown, refine, refine_ahead
 from .screen import MOST_SCREENED, Stacks, TargetArrays, screen
 from .targets import Target
-from .task import DEFAULT_THICKNESS, Pigments, RecipeOptions, Task, Wanted, as_targets, make_task
+from .task import DEFAULT_THICKNESS, RecipeOptions, Task, Wanted, as_targets, make_task
 
 GROUP = 8
 """Targets that are refined at a time."""

@@ -107,6 +107,10 @@ def _checked(values: Any) -> Float[np.ndarray, "3"]:
 def srgb_target(code: str, name: str | None = None) -> Target:
     """A colour of a screen, such as ``#8a4b2d``, as L*a*b* under D65.
 
+    Args:
+        code: three or six hexadecimal digits, with or without ``#``; for numbers see `glazejax.colour.srgb_to_lab`.
+        name: what to call it; the code if left out.
+
     Raises:
         ValueError: not three or six hexadecimal digits.
     """

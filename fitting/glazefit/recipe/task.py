@@ -14,6 +14,7 @@ from glazejax.paint.media import MAX_THICKNESS
 from glazejax.radiative.stack import INDEX_RANGE
 from glazejax.spectra import describe_grid, resample, same_grid
 
+from ..film.mixing import Pigments, listed_pigments
 from ..film.optics import Optics
 from .metric import colour_metric
 from .model import StackModel, make_model
@@ -30,8 +31,6 @@ _PAINTS, _LAYERS = 3, 2
 
 Wanted = Target | Mapping[str, Colour] | Colour
 """What may be asked for: a target, a colour, or colours by illuminant."""
-
-Pigments = Mapping[str, Pigment] | Sequence[Pigment]
 
 
 class RecipeOptions(TypedDict, total=False):
@@ -201,7 +200,7 @@ def _first(given: Any) -> Any:
 def _listed(pigments: Pigments | None) -> list[Pigment]:
     if pigments is None:
         pigments = catalogue.load()
-    paints = list(pigments.values()) if isinstance(pigments, Mapping) else list(pigments)
+    paints = listed_pigments(pigments)
     if not paints:
         raise ValueError("there are no pigments: leave them out for the catalogue, or give at least one")
     twice = {p.name for p in paints if [q.name for q in paints].count(p.name) > 1}

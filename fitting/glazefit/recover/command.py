@@ -152,7 +152,7 @@ def recover(
     k and s follow from the thickness: films twice as thick have half the
     k and s.
 
-    Own tubes: a masstone and one tint over a black-and-white card will do,
+    Own tubes: a masstone and one tint over a black-and-white card will do:
     glazejax recover blue.csv --white ZincWhite --into mine.csv
 
     Try it without data: glazejax recover --simulate --out demo

@@ -53,7 +53,7 @@ def recover_together(
 
     out, metres, _, overwrite, console = results
     recipes = named_recipes(films.names, listed)
-    file = None if told.into is None else PaintFile.open(told.into)
+    file = None if told.into is None else PaintFile.open(told.into, "--into")
     known = known_paints(recipes, file, told.white, overwrite)
     gauge = read_gauge(told.wet_film, films.names)
     fitted = average(films)
@@ -62,14 +62,14 @@ def recover_together(
         fitted = crop(fitted, grid[0], grid[-1], f"{paint.name} is known there only")
     progress.print_notes(console, "films", fitted.notes[len(films.notes) :])
     unit = gauge.typical if gauge is not None and not known else metres
-    given = given | {"law": MixingLaw(law)}
+    given = given | {"law": MixingLaw(law), "unit": unit}
     if told.wet_film == "same":
         given["expectations"] = Expectations(thickness=_SAME)
     if known or gauge is not None:
-        given |= {"known": known, "gauge": gauge, "unit": unit}
+        given |= {"known": known, "gauge": gauge}
     if told.excluded is not None:
         given["gloss"] = _measured_gloss(told.excluded, fitted, given["instrument"], console)
-    with console.status("compiling, then fitting all films together"):
+    with progress.doing("compiling, then fitting all films together"):
         began = time.perf_counter()
         recovery = recover_jointly(fitted, recipes, **given)
         seconds = time.perf_counter() - began
@@ -81,7 +81,7 @@ def recover_together(
         _write_folder(recovery, fitted, recipes, given, unit, check, results)
     _say_scale(recovery, known, gauge, unit, results)
     if file is not None:
-        _write_entries(recovery, file, known, gauge, unit, results)
+        _write_entries(recovery, file, results)
     if not listed or told.any:
         _say_lessons(recovery, known, gauge, unit, results)
 
@@ -208,10 +208,8 @@ def _leave_out(
 
     out, _, plots, overwrite, console = results
     assert out is not None
-    with console.status("leaving films out") as status:
-        left = leave_films_out(
-            recovery, films, recipes, progress=lambda name: status.update(f"leaving out {name}"), **given
-        )
+    with progress.doing("leaving films out") as say:
+        left = leave_films_out(recovery, films, recipes, progress=lambda name: say(f"leaving out {name}"), **given)
     print_left_out(left, console)
     write_left_out(recovery, left, out / "left_out.csv", overwrite=overwrite)
     if plots:
@@ -243,25 +241,11 @@ def _lengths(metres: Any) -> str:
     return format_length(low) if low == high else f"{format_length(low)} to {format_length(high)}"
 
 
-def _write_entries(
-    recovery: "JointRecovery",
-    file: "PaintFile",
-    known: "Mapping[str, Pigment]",
-    gauge: "Gauge | None",
-    unit: float,
-    results: "Results",
-) -> None:
-    from .entries import add_entries, entries
+def _write_entries(recovery: "JointRecovery", file: "PaintFile", results: "Results") -> None:
+    from .entries import add_paints
 
-    made = entries(recovery, unit, file, known)
-    new = [entry.pigment.name for entry in made]
-    scale = f"scale of {' and '.join(known)}" if known else f"a typical film taken as {format_length(unit)}"
-    if gauge is not None and not known:
-        scale = f"thickness measured, about {format_length(unit)}"
-    comments = [f"{', '.join(new)}: glazejax recover, {len(recovery.films)} films, {scale}."]
-    comments += [f"{name}: {known[name].provenance}" for name in new if name in known]
+    new = add_paints(recovery, file.path, overwrite=results.overwrite)
     replaced = sorted(set(new) & set(file.paints))
-    add_entries(file, made, comments, overwrite=results.overwrite)
     words = f" (replaced: {', '.join(replaced)})" if replaced else ""
     results.console.print(f"Added {', '.join(new)} to {file.path}{words}, with {len(file.paints)} paints there before.")
 

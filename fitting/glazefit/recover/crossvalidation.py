@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from glazejax import Pigment
+from glazejax.io.spectra_table import listed
 
 from ..film.films import Films, Instrument, Noise
 from ..film.mixing import MixingLaw
@@ -45,6 +46,9 @@ class LeftOut:
     measured: Float[np.ndarray, "films 2 bands"]
     variation: Variation
     complete: bool
+
+    def __repr__(self) -> str:
+        return f"LeftOut({len(self.predictions)} films: {listed(self.names)})"
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -17,6 +17,7 @@ from jaxtyping import Float
 
 from glazejax import Pigment
 from glazejax.io.outputs import check_output
+from glazejax.paint.describe import format_length
 from glazejax.paint.pigment_table import read_pigments
 
 from .joint_result import MOST_ERROR, JointRecovery
@@ -41,15 +42,19 @@ class PaintFile:
     paints: Mapping[str, Pigment]
 
     @classmethod
-    def open(cls, path: str | Path) -> "PaintFile":
+    def open(cls, path: str | Path, argument: str = "") -> "PaintFile":
         """The file and its paints; none if it does not exist.
+
+        Args:
+            path: of the file.
+            argument: what the path was given as; errors begin with it.
 
         Raises:
             FileNotFoundError: its folder does not exist.
             IsADirectoryError: it is a folder.
             ValueError: it is no table of paints.
         """
-        path = check_output(path, overwrite=True, argument="--into")
+        path = check_output(path, overwrite=True, argument=argument)
         return cls(path, read_pigments(path) if path.exists() and path.stat().st_size else {})
 
 
@@ -60,16 +65,82 @@ class Entry(NamedTuple):
     modes: Mapping[int, Float[np.ndarray, "2 bands"]]
 
 
-def entries(recovery: JointRecovery, thickness: float, file: PaintFile, known: Mapping[str, Pigment]) -> list[Entry]:
+def add_paints(recovery: JointRecovery, path: str | Path, *, overwrite: bool = False) -> tuple[str, ...]:
+    """Add the paints of a joint fit to your own file of paints, as ``glazejax recover --into`` does.
+
+    `glazejax.catalogue.read` reads the file, and ``--pigments`` of the commands. It is written whole or not at all.
+    Known paints that it lacks go into it too: the errors of the new ones depend on theirs.
+
+    Args:
+        recovery: of `recover_jointly`. k and s are in 1/m if its `unit` is the thickness of a typical film.
+        path: the CSV, which need not exist.
+        overwrite: replace paints of the same name.
+
+    Returns:
+        Names of the paints that were written.
+
+    Raises:
+        ValueError: the file has a paint of that name, or another paint by the name of one that the fit was told, or it
+            is no table of paints.
+        FileNotFoundError, IsADirectoryError: there is no such folder, or the path is one.
+
+    Example:
+        >>> films = read_loose_films("blue.csv")  # doctest: +SKIP
+        >>> white = glazejax.catalogue.pigment("ZincWhite")  # doctest: +SKIP
+        >>> found = recover_jointly(films, named_recipes(films.names), known={"ZincWhite": white})  # doctest: +SKIP
+        >>> add_paints(found, "mine.csv")  # doctest: +SKIP
+        ('Ultramarine', 'ZincWhite')
+    """
+    file = PaintFile.open(path)
+    for name in recovery.known:
+        if name in file.paints and not _same(recovery, name, file.paints[name]):
+            raise ValueError(
+                f"{file.path} has another {name!r} than the fit was told; tell it the file's own, "
+                f"glazejax.catalogue.read(path)[{name!r}] (--white {name})"
+            )
+    made = entries(recovery, file)
+    new = tuple(entry.pigment.name for entry in made)
+    scale = f"a typical film taken as {format_length(recovery.unit)}"
+    if recovery.known:
+        scale = f"scale of {' and '.join(recovery.known)}"
+    elif recovery.gauged:
+        scale = "thickness measured"
+    comments = [f"{', '.join(new)}: glazejax recover, {len(recovery.films)} films, {scale}."]
+    comments += [f"{name}: {paint.provenance}" for name, paint in recovery.known_paints.items() if name in new]
+    add_entries(file, made, comments, overwrite=overwrite)
+    return new
+
+
+def _same(recovery: JointRecovery, name: str, there: Pigment) -> bool:
+    """Whether a known paint is the file's own, as far as the fit's errors are told by its modes."""
+    paint, kept = recovery.known_paints[name], list(recovery.known_modes[name].kept)
+    if paint is there:
+        return True
+    try:
+        paint, there = (each.resample(recovery.wavelengths) for each in (paint, there))
+    except ValueError:  # another range
+        return False
+    alike = [
+        np.allclose(one, other, rtol=1e-4)
+        for one, other in ((paint.absorption, there.absorption), (paint.scattering, there.scattering))
+    ]
+    if not all(alike):
+        return False
+    if paint.error_modes is None:
+        return True
+    modes, own = error_modes(paint), error_modes(there)
+    # Three digits of a mode are written.
+    return len(own) > max(kept, default=-1) and np.allclose(modes[kept], own[kept], rtol=6e-3, atol=1e-5)
+
+
+def entries(recovery: JointRecovery, file: PaintFile) -> list[Entry]:
     """Entries of a recovery's new paints, and of known ones that the file lacks.
 
     Args:
         recovery: joint fit of the new paints.
-        thickness: of a film of unit relative thickness, m.
         file: that they go to.
-        known: paints that the fit was told.
     """
-    first = mode_columns(file)
+    first, thickness, known = mode_columns(file), recovery.unit, recovery.known_paints
     new = [paint for paint in recovery.paints if paint not in recovery.known]
     lacking = [paint for paint in recovery.known if paint not in file.paints]
     # Numbers of known paints' modes among the others -> their columns in the file.
@@ -163,7 +234,8 @@ def add_entries(file: PaintFile, made: Sequence[Entry], comments: Sequence[str],
     """
     names = {entry.pigment.name for entry in made}
     if (there := sorted(names & set(file.paints))) and not overwrite:
-        raise ValueError(f"{file.path} has an entry {there[0]!r}; give another name, or add --overwrite")
+        raise ValueError(f"{file.path} has an entry {there[0]!r}; give another name, or replace it with "
+                         "overwrite=True (--overwrite)")  # fmt: skip
     lines = file.path.read_text(encoding="utf-8-sig").splitlines() if file.paints else []
     remarks = [line for line in lines if line.startswith("#")]
     remarks += [line for line in (f"# {text}" for text in comments) if line not in remarks]

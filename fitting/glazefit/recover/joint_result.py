@@ -46,7 +46,8 @@ class JointRecovery(FittedFilms):
         expectations, instrument: as given.
         steps, converged: of the solver.
         noise: of a reading, as given or as told from the readings.
-        known: names of the paints that were known before.
+        unit: thickness of a film of unit relative thickness, m.
+        known_paints: those that were known before, by name, in the order of `paints`.
         known_modes: known paint -> its error modes' places among the unknowns' `others`.
         left_open: covariance of log k of all paints, then log s, at all bands together.
         gauged: whether thicknesses were measured.
@@ -71,15 +72,27 @@ class JointRecovery(FittedFilms):
     steps: int
     converged: bool
     noise: Noise
-    known: tuple[str, ...]
+    unit: float
+    known_paints: Mapping[str, Pigment]
     known_modes: Mapping[str, Modes]
     left_open: LeftOpen
     gauged: bool
     measured_gloss: Float[np.ndarray, "films"]
 
+    def __repr__(self) -> str:
+        new = [paint for paint in self.paints if paint not in self.known_paints]
+        known = f", known: {', '.join(self.known)}" if self.known else ""
+        state = "" if self.converged else ", not converged"
+        return f"JointRecovery({', '.join(new)} from {len(self.films)} films{known}{state})"
+
     @cached_property
     def _modes(self) -> Float[np.ndarray, "modes 2 paints bands"]:
         return self.error_modes()
+
+    @property
+    def known(self) -> tuple[str, ...]:
+        """Names of the paints that were known before."""
+        return tuple(self.known_paints)
 
     @property
     def wavelengths(self) -> Float[np.ndarray, "bands"]:

@@ -105,7 +105,7 @@ def predict(
     if reading is not None:
         film = _film(reading, samples, shelf, recipe, console)
         noise = estimate_noise(film)
-        with console.status("compiling, then fitting the reading"):
+        with progress.doing("compiling, then fitting the reading"):
             found = calibrate_mixture(shelf, recipe, film, instrument=instrument, noise=noise)
         grid = film.wavelengths
         black, white, _, _ = cards(film, instrument, noise)
@@ -113,7 +113,7 @@ def predict(
         own = float(f"{found.thickness[0] * UNIT:.2g}")
         wanted = wanted or ([own] if film.opaque[0] else [0.5 * own, own, 2.0 * own])
     wanted = wanted or [options.read_length(_USUAL)]
-    with console.status("compiling, then predicting"):
+    with progress.doing("compiling, then predicting"):
         made = predict_mixture(
             shelf, recipe, wanted, wavelengths=grid, ground=ground, instrument=instrument, calibrated=found
         )

@@ -13,6 +13,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
+from glazejax.spectra import describe_grid
+
 from ..film.errors import Discrepancy, coefficient_errors, model_errors
 from ..film.films import Films, Noise, cards
 from ..film.mixing import strengthen
@@ -51,6 +53,9 @@ class Prediction:
     paints: tuple[str, ...]
     deviations: Mapping[str, Float[np.ndarray, "draws 2 bands"]]
     variation: Variation
+
+    def __repr__(self) -> str:
+        return f"Prediction({self.name!r} of {', '.join(self.paints)}, {describe_grid(self.wavelengths)})"
 
     @property
     def reflectance(self) -> Float[np.ndarray, "2 bands"]:

@@ -7,6 +7,8 @@ import numpy as np
 from jaxtyping import Bool, Float
 
 from glazejax import Pigment
+from glazejax.io.spectra_table import listed
+from glazejax.spectra import describe_grid
 
 from ..film.films import SPECTRA, Films
 
@@ -109,6 +111,12 @@ class Recovery(FittedFilms):
 
     def __len__(self) -> int:
         return len(self.films)
+
+    def __repr__(self) -> str:
+        told = f"k and s told apart in {self.identifiable.mean():.0%} of bands"
+        return (
+            f"Recovery({len(self)} films, {describe_grid(self.films.wavelengths)}, {told}: {listed(self.films.names)})"
+        )
 
     @property
     def absorption_sd(self) -> Float[np.ndarray, "films bands"]:

@@ -31,7 +31,9 @@ class Joined(NamedTuple):
     """Spectra of the light that leaves the two planes towards the eye, (..., bands), on the scale of the light."""
 
     a: Float[Array, "*batch bands"]
+    """Light of plane A."""
     b: Float[Array, "*batch bands"]
+    """Light of plane B."""
 
 
 def configuration_factor(position: Numbers, angle: Numbers) -> Float[Array, "..."]:

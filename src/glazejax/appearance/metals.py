@@ -40,13 +40,15 @@ class Metal(NamedTuple):
     """Complex refractive index n + ik of a metal on a grid of wavelengths."""
 
     name: str
+    """What it is called."""
     wavelengths: Float[np.ndarray, "bands"]
-    """nm."""
+    """In nm, (bands,)."""
     refractive_index: Float[np.ndarray, "bands"]
-    """n."""
+    """Real part n, (bands,)."""
     extinction: Float[np.ndarray, "bands"]
-    """k."""
+    """Imaginary part k, (bands,)."""
     source: str
+    """Where the numbers were published."""
 
     def __repr__(self) -> str:
         return f"Metal({self.name!r}, {describe_grid(self.wavelengths)})"

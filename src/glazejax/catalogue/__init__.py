@@ -10,11 +10,15 @@ Where k and s could not be told apart, `Pigment.identifiable` is False and only 
 """
 
 import difflib
+import functools
 import hashlib
 from collections.abc import Iterator, Mapping
 from importlib.resources import as_file, files
 from pathlib import Path
 from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
 
 from ..paint.describe import format_length
 from ..paint.media import Pigment
@@ -125,9 +129,17 @@ def load(name: str = "oils") -> Catalogue:
     Raises:
         ValueError: there is no catalogue of that name; the message lists them.
     """
-    shipped = _known(name)
-    with as_file(files(__name__).joinpath(shipped.file)) as path:
-        return Catalogue(read_pigments(path, shipped.provenance))
+    _known(name)
+    return Catalogue(_read_once(name, jnp.result_type(float).name))
+
+
+@functools.lru_cache(maxsize=8)
+def _read_once(name: str, precision: str) -> dict[str, Pigment]:
+    """Pigments of a catalogue in the precision that JAX is set to; nothing can change them, so all share them."""
+    shipped = _SHIPPED[name]
+    # Inside a traced function too they are arrays, which may outlive it.
+    with jax.ensure_compile_time_eval(), as_file(files(__name__).joinpath(shipped.file)) as path:
+        return read_pigments(path, shipped.provenance)
 
 
 def read(path: str | Path) -> Catalogue:

@@ -1,5 +1,7 @@
 """What commands share while they compute: bars on stderr, Ctrl-C that keeps what is finished, and notes."""
 
+import os
+import sys
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence, Sized
 from contextlib import contextmanager
@@ -10,11 +12,35 @@ import typer
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.progress import Progress, ProgressColumn
 
 INTERRUPTED = 130
 """What a shell reports of a program stopped from the keyboard."""
 
 Part = TypeVar("Part", bound=Sized)
+
+
+def moving() -> bool:
+    """Whether bars may move on stderr: on a terminal that moves its cursor, and not in a notebook's ``!glazejax``.
+
+    Rich alone would go by FORCE_COLOR, which is about colour: notebooks and builds set it.
+    """
+    # Set by Jupyter for its kernels and what they start, which get a terminal of their own that shows each step anew.
+    if not sys.stderr.isatty() or "JPY_PARENT_PID" in os.environ:
+        return False
+    from rich.console import Console
+
+    screen = Console(stderr=True)
+    return screen.is_terminal and not screen.is_dumb_terminal
+
+
+def bar(*columns: "str | ProgressColumn") -> "Progress":
+    """A bar on stderr of these columns of rich, gone when it is done; nothing where nothing may move."""
+    from rich.console import Console
+    from rich.progress import Progress
+
+    # Off the terminal rich leaves blank lines, which would stand before an error.
+    return Progress(*columns, console=Console(stderr=True), transient=True, disable=not moving())
 
 
 class Collected(NamedTuple):
@@ -36,21 +62,17 @@ def collect(chunks: Iterable[Part], total: int, first: str, then: str) -> tuple[
     Raises:
         KeyboardInterrupt: Ctrl-C before any part was finished.
     """
-    from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
-    screen = Console(stderr=True)
     parts: list[Part] = []
     interrupted, began, warm = False, time.perf_counter(), 0.0
-    # Off the terminal rich leaves blank lines, which would stand before an error.
-    with Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal) as progress:
-        bar = progress.add_task(first, total=total)
+    with bar(TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn()) as progress:
+        task = progress.add_task(first, total=total)
         try:
             for part in chunks:
                 parts.append(part)
                 warm = warm or time.perf_counter() - began
-                progress.update(bar, advance=len(part), description=then)
+                progress.update(task, advance=len(part), description=then)
         except KeyboardInterrupt:
             if not parts:
                 raise
@@ -59,16 +81,15 @@ def collect(chunks: Iterable[Part], total: int, first: str, then: str) -> tuple[
 
 
 @contextmanager
-def doing(words: str) -> Iterator[None]:
-    """Say on stderr what is being done, with a turning wheel, while it is; nothing off the terminal."""
+def doing(words: str) -> Iterator[Callable[[str], None]]:
+    """Say on stderr what is being done, with a turning wheel, while it is; what is yielded says it in other words."""
     from rich.console import Console
 
-    screen = Console(stderr=True)
-    if not screen.is_terminal:
-        yield
+    if not moving():
+        yield lambda _: None
         return
-    with screen.status(words):
-        yield
+    with Console(stderr=True).status(words) as status:
+        yield status.update
 
 
 def drawing(count: int) -> Callable[[], None]:
@@ -76,8 +97,7 @@ def drawing(count: int) -> Callable[[], None]:
     from rich.console import Console
     from rich.progress import track
 
-    screen = Console(stderr=True)
-    steps = iter(track(range(count), "drawing", console=screen, transient=True, disable=not screen.is_terminal))
+    steps = iter(track(range(count), "drawing", console=Console(stderr=True), transient=True, disable=not moving()))
     next(steps, None)
 
     def step() -> None:
@@ -89,25 +109,22 @@ def drawing(count: int) -> Callable[[], None]:
 @contextmanager
 def reading(path: Path) -> Iterator[Callable[[int, int | None], None]]:
     """A bar once a file has been read for a second; what is yielded goes to `read_spectra` as ``progress``."""
-    from rich.console import Console
-    from rich.progress import BarColumn, DownloadColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, DownloadColumn, TextColumn, TimeRemainingColumn
 
-    columns = (TextColumn("reading {task.description}"), BarColumn(), DownloadColumn(), TimeRemainingColumn())
-    screen = Console(stderr=True)
-    bar = Progress(*columns, console=screen, transient=True, disable=not screen.is_terminal)
-    task, start = bar.add_task(path.name.replace("[", "\\["), total=None), time.monotonic()
+    shown = bar(TextColumn("reading {task.description}"), BarColumn(), DownloadColumn(), TimeRemainingColumn())
+    task, start = shown.add_task(path.name.replace("[", "\\["), total=None), time.monotonic()
 
     def told(done: int, size: int | None) -> None:
         if time.monotonic() - start > 1.0:
-            bar.start()
-            bar.update(task, completed=done, total=size)
+            shown.start()
+            shown.update(task, completed=done, total=size)
 
     try:
         yield told
     finally:
         # A bar that never began would end with an empty line.
-        if bar.live.is_started:
-            bar.stop()
+        if shown.live.is_started:
+            shown.stop()
 
 
 def print_notes(console: "Console", file: Path | str, notes: Sequence[str]) -> None:

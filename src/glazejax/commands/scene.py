@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from . import options
-from .progress import INTERRUPTED
+from . import options, progress
 
 if TYPE_CHECKING:
     from ..appearance.scene.file import SceneFile
@@ -93,19 +92,19 @@ def scene(
     rendered = _render(found, spectral is not None, _SAMPLES if samples is None else samples, renderer)
     if rendered.done == 0:
         typer.echo("stopped before the first pixel: nothing is written", err=True)
-        raise typer.Exit(INTERRUPTED)
+        raise typer.Exit(progress.INTERRUPTED)
     _write(found, rendered, out, spectral)
     files = str(out) if spectral is None else f"{out} and {spectral}"
     typer.echo(f"wrote  {files} in {time.perf_counter() - started:.1f} s")
     if rendered.done < 1:
         if renderer == "mitsuba":
             typer.echo(f"stopped: {rendered.done:.0%} of the paths are followed, so that noise is left", err=True)
-            raise typer.Exit(INTERRUPTED)
+            raise typer.Exit(progress.INTERRUPTED)
         words = f"{rendered.done:.0%} of the picture is finished, the rest is grey"
         if rendered.done > 0.99:
             words = "every pixel is there, but not all edges and highlights are smooth"
         typer.echo(f"stopped: {words}", err=True)
-        raise typer.Exit(INTERRUPTED)
+        raise typer.Exit(progress.INTERRUPTED)
 
 
 def _check_renderer(renderer: str, samples: int | None, spectral: Path | None) -> None:
@@ -155,17 +154,16 @@ def _resized(found: "SceneFile", text: str) -> "SceneFile":
 
 def _render(found: "SceneFile", spectral: bool, samples: int, renderer: str) -> "Rendered":
     """The picture, with a progress bar on the terminal."""
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+    from rich.progress import BarColumn, TextColumn, TimeRemainingColumn
 
     from ..appearance.scene.render import render
 
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.percentage:>3.0f} %"))
-    with Progress(*columns, TimeRemainingColumn(), console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("reading", total=1.0)
+    share = TextColumn("{task.percentage:>3.0f} %")
+    with progress.bar(TextColumn("{task.description}"), BarColumn(), share, TimeRemainingColumn()) as shown:
+        task = shown.add_task("reading", total=1.0)
 
         def told(share: float, words: str) -> None:
-            bar.update(task, completed=share, description=words)
+            shown.update(task, completed=share, description=words)
 
         if renderer == "mitsuba":
             from ..appearance.scene.path_trace import path_trace

@@ -12,7 +12,7 @@ def split_sample(text: str, folder: str | Path = "") -> tuple[Path, str]:
     """File and sample of FILE:SAMPLE; the sample is empty where FILE stands alone. Neither need exist.
 
     Args:
-        text: FILE or FILE:SAMPLE; a file whose own name has a colon in it comes first.
+        text: `FILE` or `FILE:SAMPLE`; a file whose own name has a colon in it comes first.
         folder: where a relative FILE is looked for.
     """
     path = Path(folder) / text
@@ -26,7 +26,7 @@ def read_sample(text: str, *, folder: str | Path = "", argument: str = "") -> Sp
     """Read one spectrum in any format that `read_spectra` knows.
 
     Args:
-        text: FILE or FILE:SAMPLE; the sample may be left out of a file that holds one spectrum.
+        text: `FILE` or `FILE:SAMPLE`; the sample may be left out of a file that holds one spectrum.
         folder: where a relative FILE is looked for.
         argument: what ``text`` was given as, such as ``--ground``; errors begin with it.
 

@@ -41,6 +41,7 @@ class GlazeTable(NamedTuple):
     """Reflectance factor pi L_out / E_in at the nodes, without the specular part. The last axis has one entry if the
     thickness does not vary."""
     refractive_index: Float[Array | np.ndarray, "bands"]
+    """Of the surface, band by band."""
     thickness: Float[Array | np.ndarray, "thickness"]
     """Nodes, m; one entry, the layer's thickness (0 for a glaze without layers), if it does not vary."""
     ranges: tuple[Axis, Axis, Axis]

@@ -282,9 +282,14 @@ def _series(values: np.ndarray, axes: int) -> np.ndarray:
 def _basis(rows: list[np.ndarray], weights: np.ndarray, tolerance: float) -> tuple[np.ndarray, np.ndarray]:
     """Few shapes (shapes, channels) whose sums come near to all rows, and the matrix onto them (channels, shapes)."""
     weighed = np.concatenate([values.reshape(-1, weights.size) for values in rows]) * weights
-    vectors = np.linalg.eigh(weighed.T @ weighed)[1][:, ::-1]
+    # The matrix of all pairs of angles is large; a glaze that nothing varies has a few rows, one a band.
+    few = len(weighed) < weights.size
+    vectors = (
+        np.linalg.svd(weighed, full_matrices=False)[2].T if few else np.linalg.eigh(weighed.T @ weighed)[1][:, ::-1]
+    )
+    vectors = _padded(vectors)
     count = 0
-    for count in range(4, weights.size + 4, 4):
+    for count in range(4, vectors.shape[1] + 1, 4):
         some = vectors[:, :count]
         if np.max(np.abs(weighed - (weighed @ some) @ some.T)) <= tolerance:
             break

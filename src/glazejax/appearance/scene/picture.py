@@ -38,7 +38,16 @@ def picture_xyz(rendered: Rendered, wavelengths: Grid, observer: str | int = CIE
 
 
 def light_white(spectrum: Numbers, wavelengths: Grid, observer: str | int = CIE_1931) -> Float[np.ndarray, "3"]:
-    """XYZ of a perfect white under a light, with Y = 1."""
+    """XYZ of a perfect white under a light, (3,), with Y = 1.
+
+    Args:
+        spectrum: of the light, (bands,), in any unit, such as `lamp` gives it.
+        wavelengths: (bands,), nm.
+        observer: see `glazejax.colour.find_observer`.
+
+    Raises:
+        ValueError: a grid that is too coarse or too short for colour, or an unknown observer.
+    """
     white = np.asarray(spectrum, float) @ colour_weights(wavelengths, "E", observer)
     return white / white[1]
 
@@ -84,7 +93,11 @@ def screen_picture(
 
 
 def save_png(path: str | Path, rgb: UInt8[np.ndarray, "h w 3"]) -> None:
-    """Write digital colours as PNG.
+    """Write digital colours as PNG; a file that is there is replaced.
+
+    Args:
+        path: the file.
+        rgb: (h, w, 3), 0 to 255, such as ``screen_picture(...).rgb``.
 
     Raises:
         ModuleNotFoundError: matplotlib is not installed.

@@ -48,6 +48,11 @@ def positive(name: str, value: float) -> float:
 class Sphere:
     """A ball; u runs once around its z axis, v from its lowest point (0) to its highest (1).
 
+    Args:
+        material: name of its material.
+        centre: (3,), in the unit of length of the scene.
+        radius: above 0, in that unit.
+
     Raises:
         ValueError: a radius that is not above 0, or a centre that is no point.
     """
@@ -179,6 +184,9 @@ class Mesh:
         for name, values, width in (("normals", self.normals, 3), ("uv", self.uv, 2)):
             if values is not None and np.shape(values) != (len(vertices), width):
                 raise ValueError(f"{name} must be ({len(vertices)}, {width}), not {np.shape(values)}")
+
+    def __repr__(self) -> str:
+        return f"Mesh(material={self.material!r}, {len(self.vertices)} vertices, {len(self.faces)} faces)"
 
 
 Shape = Sphere | Plane | Box | Mesh

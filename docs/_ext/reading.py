@@ -1,0 +1,59 @@
+"""Pages as they are read: where code may break, pictures that open, tables of results over the whole page.
+
+A name such as `split_reflectance_factor` breaks after an underscore, a dot or a slash and nowhere else; an option stays
+in one piece. A picture is a link to itself, in all its pixels.
+"""
+
+import re
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from docutils import nodes
+    from sphinx.application import Sphinx
+
+_CODE = re.compile(r'<span class="pre">([^<]+)</span>')
+_OPTION = re.compile(r"-{1,2}[A-Za-z][\w-]*")
+_JOINT = re.compile(r"([/_.=,:(\[]+)(?=[\w\"'(&])")
+_PICTURE = re.compile(r"(<a\b[^>]*>\s*)?(<img\b[^>]*\bsrc=\"([^\"]+)\"[^>]*/?>)")
+
+
+def code_that_breaks(page: str) -> str:
+    """Names in code with places where a line may end, and options that are never parted."""
+
+    def mended(found: re.Match[str]) -> str:
+        words = found[1]
+        if _OPTION.fullmatch(words):
+            return f'<span class="pre option">{words}</span>'
+        if len(words) <= 12:
+            return found[0]
+        return f'<span class="pre">{_JOINT.sub(lambda joint: joint[1] + "<wbr/>", words)}</span>'
+
+    return _CODE.sub(mended, page)
+
+
+def pictures_that_open(page: str) -> str:
+    """Each picture that is no link leads to its own file."""
+
+    def mended(found: re.Match[str]) -> str:
+        return found[0] if found[1] else f'<a class="picture" href="{found[3]}">{found[2]}</a>'
+
+    return _PICTURE.sub(mended, page)
+
+
+def _mend(app: "Sphinx", name: str, template: str, context: dict[str, Any], tree: "nodes.document | None") -> None:
+    page = context.get("body")
+    if not page:
+        return
+    page = pictures_that_open(code_that_breaks(page))
+    if name.startswith("results/"):
+        # Tables of fixed width: the style gives them the width of the list of headings, of which there is none.
+        page = f'<div class="of-result">{page}</div>'
+        context["meta"] = {**(context.get("meta") or {}), "html_theme.sidebar_secondary.remove": "true"}
+    context["body"] = page
+
+
+def setup(app: "Sphinx") -> dict[str, Any]:
+    """Called by Sphinx."""
+    # Before the theme, which reads the page's meta.
+    app.connect("html-page-context", _mend, priority=100)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

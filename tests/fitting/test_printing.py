@@ -1,0 +1,80 @@
+"""Results print as one line that says what they are, not as pages of arrays."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from glazefit import Films, Identification, Noise, Posterior, Prediction, Reading, Recovery, Variation, over_ground
+from glazefit.identify.task import Measured
+from glazefit.recover.crossvalidation import LeftOut
+from glazejax.appearance import Mesh
+
+GRID = np.arange(400.0, 701.0, 10.0)
+DARK, LIGHT = np.full((5, GRID.size), 0.1), np.full((5, GRID.size), 0.8)
+NAMES = ("01A", "02A", "03A", "04A", "05A")
+ON = "400-700 nm step 10 (31 bands)"
+
+
+def films() -> Films:
+    return Films(NAMES, GRID, DARK, LIGHT, DARK, LIGHT)
+
+
+def reading() -> Reading:
+    return over_ground(GRID, LIGHT[0], 0.9, name="spot", noise=Noise())
+
+
+def identification() -> Identification:
+    members = np.tile(np.array([[[0, 1, -1], [2, -1, -1]]]), (5, 1, 1))
+    members[1] = members[1, ::-1]
+    five = np.ones((5, 2))
+    bands = np.ones((5, 1, GRID.size))
+    given: dict[str, Any] = {
+        "measured": Measured(NAMES, GRID, bands, bands, bands, bands[:, None]),
+        "paints": ("Eosin", "ZincWhite", "Umber"),
+        "members": members, "coats": 0 * members, "amounts": 1e-6 * (members >= 0), "probability": five,
+        "log_covariance": np.tile(np.eye(3), (5, 2, 1, 1)), "none": five[:, 0], "misfit": five[:, 0],
+        "rejected": five < 0, "paint_probability": np.ones((5, 3)), "gloss": five, "condition": 0 * members[..., 0],
+        "fitted": np.ones((5, 2, 1, GRID.size)), "opaque": False,
+    }  # fmt: skip
+    return Identification(**given)
+
+
+def recovery() -> Recovery:
+    yes = np.arange(5 * GRID.size).reshape(5, -1) % 2 == 0
+    return Recovery(films(), LIGHT, LIGHT, np.ones((5, GRID.size, 2, 2)), yes, np.ones(5), DARK, LIGHT, DARK, yes, ~yes)
+
+
+def prediction() -> Prediction:
+    off = {"film": np.zeros((2, 2, GRID.size))}
+    return Prediction("a tint", GRID, 1.0, 1.0, DARK[0], LIGHT[0], ("Eosin", "ZincWhite"), off, Variation())
+
+
+@pytest.mark.parametrize(
+    ("result", "line"),
+    [
+        (films(), f"Films(5 films, {ON}: 01A, 02A, 03A and 2 more)"),
+        (reading(), f"Reading('spot' over the ground, {ON})"),
+        (
+            identification(),
+            "Identification(5 spectra among 3 paints; '01A': Eosin + ZincWhite, '02A': Umber, "
+            "'03A': Eosin + ZincWhite, and 2 more)",
+        ),
+        (recovery(), f"Recovery(5 films, {ON}, k and s told apart in 50% of bands: 01A, 02A, 03A and 2 more)"),
+        (prediction(), f"Prediction('a tint' of Eosin, ZincWhite, {ON})"),
+        (LeftOut((prediction(),), DARK, LIGHT, Variation(), True), "LeftOut(1 films: a tint)"),
+        (
+            Posterior(None, (reading(),), None, None),  # type: ignore[arg-type]
+            "Posterior('spot': nothing was sampled: these are Laplace's standard errors)",
+        ),
+        (Mesh("clay", np.eye(3), np.array([[0, 1, 2]])), "Mesh(material='clay', 3 vertices, 1 faces)"),
+    ],
+    ids=lambda each: type(each).__name__,
+)
+def test_a_result_prints_as_a_line(result, line):
+    assert repr(result) == line
+    assert str(result) == line
+
+
+def test_a_candidate_prints_as_its_words():
+    assert repr(identification().ranked(1, 1)[0]).startswith("Candidate('Umber', probability 1.00, Delta E ")
