@@ -168,6 +168,8 @@ def interpolated(
             positive, samples outside the ranges, or a function that returns NaN (the point is named), traced values or
             another number of points. What the function itself refuses, such as a negative thickness, is passed on.
     """
+    if not isinstance(ranges, Mapping):
+        raise ValueError(f"ranges is {ranges!r}; write them by name, such as {{'thickness': (0.0, 5e-6)}}")
     names = tuple(ranges)
     if not 1 <= len(names) <= MOST_AXES:
         raise ValueError(f"a table has 1 to {MOST_AXES} parameters, not {len(names)}: {', '.join(names)}")

@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .geometry import Bidirectional, Geometry, Hemispherical
-from .paint.media import Glaze
+from .paint.media import Glaze, check_glaze
 from .radiative.common.fresnel import dielectric_reflectance
 from .radiative.stack import (
     Method,
@@ -46,10 +46,7 @@ def reflectance(
 
     Source: paper A (Shinozawa et al. 2013), section 3.2.
     """
-    if not isinstance(glaze, Glaze):
-        raise TypeError(
-            f"glaze must be a Glaze, not a {type(glaze).__name__}: write Glaze([Layer(paint, thickness in m)], ground)"
-        )
+    check_glaze(glaze)
     phase = glaze.phase
     if phase is not None and method not in (None, "manyflux"):
         raise ValueError(f"method {method!r} takes isotropic scattering only; a paint here has a phase function")

@@ -2,7 +2,7 @@
 
 import textwrap
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from glazejax.plots import EDGE, FAINT, INK, style
 
@@ -43,6 +43,7 @@ def recipe_figure(recipes: Sequence[Recipe], *, titles: Sequence[str], heading: 
         # A letter is about half as wide as it is high.
         size = min(12.0, 72.0 * (width - 0.5) / (0.53 * len(subtitle)))
         figure.text(0.25 / width, 1 - 0.68 / height, subtitle, fontsize=size, color=FAINT, va="center")
+        tallest = _tallest(recipes)
         for number, (recipe, title) in enumerate(zip(recipes, titles, strict=True)):
             row, column = divmod(number, columns)
             left, top = _LEFT + column * _WIDTH, height - _TOP - row * cell
@@ -53,7 +54,7 @@ def recipe_figure(recipes: Sequence[Recipe], *, titles: Sequence[str], heading: 
             swatch = figure.add_axes(box(_TITLE, _SWATCH))
             _draw_swatch(swatch, recipe, title)
             curves = figure.add_axes(box(_TITLE + _SWATCH + 0.1, _CURVES - 0.1))
-            _draw_spectra(curves, recipe, labelled=column == 0)
+            _draw_spectra(curves, recipe, tallest[number], labelled=column == 0)
             words = "\n".join(_wrapped(describe_coat(coat)) for coat in recipe.coats)
             x, y, *_ = box(_TITLE + _SWATCH + _CURVES + 0.27, 0.0)
             figure.text(x, y, words, fontsize=8.5, va="top", linespacing=1.25)
@@ -82,11 +83,20 @@ def _draw_swatch(axes: "Axes", recipe: Recipe, title: str) -> None:
     axes.text(2, 1.06, f"ΔE {recipe.distance:.2f}", fontsize=11, ha="right", va="bottom", color=mark)
 
 
-def _draw_spectra(axes: "Axes", recipe: Recipe, labelled: bool) -> None:
-    target, highest = recipe.target, float(recipe.reflectance.max())
+def _tallest(recipes: Sequence[Recipe]) -> list[float]:
+    """Largest reflectance that is drawn for each recipe's target: recipes for one target are compared by eye."""
+    own = [max(float(r.reflectance.max()), _highest(r.target.reflectance)) for r in recipes]
+    return [max(each for each, other in zip(own, recipes, strict=True) if other.target is r.target) for r in recipes]
+
+
+def _highest(values: Any) -> float:
+    return 0.0 if values is None else float(values.max())
+
+
+def _draw_spectra(axes: "Axes", recipe: Recipe, highest: float, labelled: bool) -> None:
+    target = recipe.target
     if target.wavelengths is not None and target.reflectance is not None:
         axes.plot(target.wavelengths, target.reflectance, color=_TARGET, lw=3.2, solid_capstyle="round")
-        highest = max(highest, float(target.reflectance.max()))
     axes.plot(recipe.wavelengths, recipe.reflectance, color=INK, lw=1.3)
     axes.set(xlim=(recipe.wavelengths[0], recipe.wavelengths[-1]), ylim=(0, 1.0 if highest > 0.35 else 0.4))
     axes.set_xticks([400, 500, 600, 700])

@@ -452,6 +452,18 @@ class Glaze(eqx.Module):
         return f"Glaze([{', '.join(map(repr, self.layers))}], substrate {ground}, n = {index})"
 
 
+def check_glaze(glaze: Any) -> None:
+    """Refuse what is no glaze.
+
+    Raises:
+        TypeError: says what was given, and how a glaze is written.
+    """
+    if not isinstance(glaze, Glaze):
+        raise TypeError(
+            f"glaze must be a Glaze, not {_said(glaze)}: write Glaze([Layer(paint, thickness in m)], ground)"
+        )
+
+
 def _short(value: Any) -> str:
     """A number as it was typed, without the digits of single precision; of an array its shape."""
     known = concrete(value) if np.ndim(value) == 0 else None
