@@ -16,7 +16,7 @@ ELSEWHERE = {
     *("Ultramarine", "MyBlue", "libllvm19", "band_450nm", "X_b", "X_w", "X_ob", "X_ow"),
     *("bxdf", "bsdfs", "cpp", "ClassicalTrustRegion", "cauchy_termination", "solve_triangular"),
     *("glaze_height", "glaze_roughness", "identification_gpu", "savings_gpu", "pyi", "cff", "Retouch"),
-    *("Datasets", "ArtistPaint", "cs"),
+    *("Datasets", "ArtistPaint", "cs", "TF_CPP_MIN_LOG_LEVEL", "venv"),
 }
 # What a page calls a thing that it has made.
 MADE = {"studio": "glazejax.studio.Widget"}

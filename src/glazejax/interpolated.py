@@ -217,6 +217,8 @@ def _check_range(name: str, values: Numbers, axis: Axis | Mirrored) -> None:
     known = concrete(values)
     if known is None or known.size == 0:
         return
+    if known.dtype.kind not in "biufV":
+        raise ValueError(f"{name} is {values!r}; it must be a number or an array of them")
     # A number in a narrower type may round to just beyond the end; NaN fails either comparison.
     room = 1e-6 * (axis.high - axis.low) if known.dtype == np.float32 else 0.0
     if known.min() >= axis.low - room and known.max() <= axis.high + room:
