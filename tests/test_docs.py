@@ -14,6 +14,9 @@ from pathlib import Path
 
 import pytest
 
+from glazejax.appearance.scene.file import example
+from glazejax.appearance.scene.variants import works
+
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
 sys.path.insert(0, str(DOCS / "_ext"))
@@ -147,9 +150,12 @@ def test_python_is_python(page, n):
 @pytest.mark.parametrize("page", sorted((DOCS / "start").glob("*.md")), ids=lambda path: path.stem)
 def test_the_python_of_the_first_steps_runs(page, tmp_path):
     """In a process of its own, block by block; those that read a file of the reader's are left out."""
+    small = example().replace("width = 640", "width = 32").replace("height = 480", "height = 24")
+    (tmp_path / "scene.toml").write_text(small)
     for code in blocks(page, "python"):
-        if "panel.hdr" not in code and "scene.toml" not in code:
-            subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True, timeout=600)
+        if "panel.hdr" in code or ("mitsuba" in code and not works("llvm_ad_spectral")):
+            continue
+        subprocess.run([sys.executable, "-c", code], cwd=tmp_path, check=True, timeout=600)
 
 
 @pytest.mark.slow
@@ -164,7 +170,7 @@ EXAMPLES = [
     ".".join(path.relative_to(folder).with_suffix("").parts).removesuffix(".__init__")
     for folder in (ROOT / "src", ROOT / "fitting")
     for path in sorted(folder.rglob("*.py"))
-    if ">>> " in path.read_text("utf-8")
+    if re.search(r">>> (?!.*doctest: \+SKIP)", path.read_text("utf-8"))
 ]
 
 

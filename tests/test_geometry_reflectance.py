@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 import glazejax
-from glazejax import Bidirectional, Glaze, Hemispherical, Layer, Mixture, Pigment, reflectance
+from glazejax import Bidirectional, Glaze, Hemispherical, Layer, Mixture, Pigment, appearance, reflectance
 from tests.reference import isotropic_stacks
 
 GRID = np.array([400.0, 500.0, 600.0])
@@ -201,9 +201,21 @@ def test_slopes_are_finite_at_the_edges():
 
 
 @pytest.mark.usefixtures("unchecked")
-def test_other_geometry_is_refused():
-    with pytest.raises(TypeError, match="must be Bidirectional or Hemispherical, not float"):
-        reflectance(Glaze([], 0.5), 8.0)  # pyright: ignore[reportArgumentType]
+@pytest.mark.parametrize("geometry", [8.0, "45:0", Bidirectional])
+def test_other_geometry_is_refused(geometry):
+    with pytest.raises(TypeError, match=r"must be a Bidirectional or .* such as Bidirectional\(45, 0\), not "):
+        reflectance(Glaze([], 0.5), geometry)
+
+
+@pytest.mark.usefixtures("unchecked")
+@pytest.mark.parametrize("glaze", [Bidirectional(45, 0), [], "CobaltBlue"])
+def test_what_is_no_glaze_is_refused(glaze):
+    with pytest.raises(TypeError, match=r"glaze must be a Glaze, not .*: write Glaze\("):
+        reflectance(glaze, Bidirectional(45, 0))
+    with pytest.raises(TypeError, match="glaze must be a Glaze"):
+        appearance.glaze_table(glaze, [400.0, 500.0])
+    with pytest.raises(TypeError, match="glaze must be a Glaze"):
+        appearance.exports.fit_openpbr(glaze)
 
 
 def test_public_names():

@@ -169,6 +169,16 @@ def test_what_is_wrong_is_named(change, words):
         gj.interpolated(asked.pop("function"), asked.pop("ranges"), **asked)
 
 
+def test_what_is_no_number_is_named(unchecked, table):
+    with pytest.raises(ValueError, match="thickness is '2um'; it must be a number"):
+        table("2um", 0.5)
+
+
+def test_ranges_go_by_name(unchecked):
+    with pytest.raises(ValueError, match=r"ranges is \(0.0, 5.0\); write them by name, such as"):
+        gj.interpolated(paint, (0.0, 5.0))  # pyright: ignore[reportArgumentType]
+
+
 def test_a_table_is_built_outside_jit():
     with pytest.raises(ValueError, match="outside jit"):
         jax.jit(lambda y: gj.interpolated(lambda x: y * x[:, None], {"x": (0, 1)})(0.5))(1.0)

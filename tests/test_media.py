@@ -164,6 +164,24 @@ def test_wrong_glaze(substrate, index, complaint):
         Glaze([Layer(RED, 1e-5)], substrate, index)
 
 
+@pytest.mark.usefixtures("unchecked")
+@pytest.mark.parametrize(
+    ("build", "complaint"),
+    [
+        (lambda: Layer("red", 1e-5), r"Pigment or a Mixture, not 'red'.*catalogue\.load"),
+        (lambda: Layer(RED, "10um"), "thickness of 'red' must be real numbers, not '10um'"),
+        (lambda: Layer(RED, [[1e-5], [1e-5, 1e-5]]), "thickness of 'red' .* rows differ in length"),
+        (lambda: Glaze(Layer(RED, 1e-5), 0.5), r"must be a list, top first: write \[layer\]"),
+        (lambda: Glaze([RED], 0.5), r"must each be a Layer, not a Pigment: write Layer\(paint"),
+        (lambda: Glaze([Layer(RED, 1e-5)], "white"), "substrate must be real numbers, not 'white'"),
+        (lambda: Mixture(["red", "blue"], [0.5, 0.5]), "a mixture is of Pigments, not of 'red'"),
+    ],
+)
+def test_what_is_no_paint_or_number_is_said_in_words(build, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        build()
+
+
 def test_albedo_and_optical_thickness_by_hand():
     glaze = Glaze([Layer(RED, 2e-5), Layer(BLUE, 0.0)], 0.8)
     np.testing.assert_allclose(glaze.albedo, [[0.1, 5 / 5.2], [0.25, 0.2], [9 / 9.1, 0]], rtol=1e-14)
@@ -247,4 +265,6 @@ def test_integers_become_floats():
 def test_representations_are_short():
     glaze = Glaze([Layer(RED, 2e-5)], 0.8)
     assert repr(glaze) == "Glaze([Layer('red', 20 um)], substrate 0.8, n = 1.5)"
+    single = Glaze([Layer(RED, np.float32(2e-5))], np.float32(0.85), np.full(3, 1.5))
+    assert repr(single) == "Glaze([Layer('red', 20 um)], substrate 0.85, n = (3,))"
     jax.jit(lambda g: (repr(g), g.albedo)[1])(glaze)

@@ -15,8 +15,8 @@ CODE = [*PACKAGES, ROOT / "benchmarks", ROOT / "tests", ROOT / "docs" / "_ext"]
 ELSEWHERE = {
     *("Ultramarine", "MyBlue", "libllvm19", "band_450nm", "X_b", "X_w", "X_ob", "X_ow"),
     *("bxdf", "bsdfs", "cpp", "ClassicalTrustRegion", "cauchy_termination", "solve_triangular"),
-    *("glaze_height", "glaze_roughness", "identification_gpu", "savings_gpu", "pyi", "cff", "Retouch", "venv"),
-    *("Datasets", "ArtistPaint", "cs"),
+    *("glaze_height", "glaze_roughness", "identification_gpu", "savings_gpu", "pyi", "cff", "Retouch"),
+    *("Datasets", "ArtistPaint", "cs", "TF_CPP_MIN_LOG_LEVEL", "venv"),
 }
 # What a page calls a thing that it has made.
 MADE = {"studio": "glazejax.studio.Widget"}

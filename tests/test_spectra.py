@@ -42,7 +42,8 @@ def test_grid_is_copied_and_locked():
         ([400, np.inf], "number 2 is inf"),
         ([], r"shape \(0,\)"),
         ([[400]], r"shape \(1, 1\)"),
-        ([0.4, 0.7], "micrometres"),
+        ([0.4, 0.7], "micrometres: multiply them by 1000"),
+        ([4e-7, 7e-7], "7e-07 looks like metres: multiply them by 1e9"),
         (["red"], "must be numbers"),
     ],
 )

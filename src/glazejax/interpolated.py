@@ -168,6 +168,8 @@ def interpolated(
             positive, samples outside the ranges, or a function that returns NaN (the point is named), traced values or
             another number of points. What the function itself refuses, such as a negative thickness, is passed on.
     """
+    if not isinstance(ranges, Mapping):
+        raise ValueError(f"ranges is {ranges!r}; write them by name, such as {{'thickness': (0.0, 5e-6)}}")
     names = tuple(ranges)
     if not 1 <= len(names) <= MOST_AXES:
         raise ValueError(f"a table has 1 to {MOST_AXES} parameters, not {len(names)}: {', '.join(names)}")
@@ -215,6 +217,8 @@ def _check_range(name: str, values: Numbers, axis: Axis | Mirrored) -> None:
     known = concrete(values)
     if known is None or known.size == 0:
         return
+    if known.dtype.kind not in "biufV":
+        raise ValueError(f"{name} is {values!r}; it must be a number or an array of them")
     # A number in a narrower type may round to just beyond the end; NaN fails either comparison.
     room = 1e-6 * (axis.high - axis.low) if known.dtype == np.float32 else 0.0
     if known.min() >= axis.low - room and known.max() <= axis.high + room:

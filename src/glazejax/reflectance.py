@@ -6,7 +6,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from .geometry import Bidirectional, Geometry, Hemispherical
-from .paint.media import Glaze
+from .paint.media import Glaze, check_glaze
 from .radiative.common.fresnel import dielectric_reflectance
 from .radiative.stack import (
     Method,
@@ -33,7 +33,7 @@ def reflectance(
         (..., bands); one band if neither layers nor substrate have bands.
 
     Raises:
-        TypeError: `geometry` is neither of the two.
+        TypeError: `geometry` is neither of the two, or `glaze` is no Glaze.
         ValueError: the solver refuses `tolerance` or `method`, or a glaze with phase functions has an index that
             varies or is traced.
 
@@ -46,6 +46,7 @@ def reflectance(
 
     Source: paper A (Shinozawa et al. 2013), section 3.2.
     """
+    check_glaze(glaze)
     phase = glaze.phase
     if phase is not None and method not in (None, "manyflux"):
         raise ValueError(f"method {method!r} takes isotropic scattering only; a paint here has a phase function")
@@ -71,7 +72,9 @@ def reflectance(
                 from .radiative.manyflux.reflectance import manyflux_hemispherical_reflectance as solve
             diffuse = solve(*stack, cos_incidence=geometry.cos_incidence, **given)
         case _:
-            raise TypeError(f"geometry must be Bidirectional or Hemispherical, not {type(geometry).__name__}")
+            raise TypeError(
+                f"geometry must be a Bidirectional or a Hemispherical, such as Bidirectional(45, 0), not {geometry!r}"
+            )
     if not geometry.specular:
         return diffuse
     surface: Array = dielectric_reflectance(jnp.asarray(geometry.cos_incidence), jnp.asarray(n))

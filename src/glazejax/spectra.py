@@ -100,6 +100,8 @@ def validate_wavelengths(wavelengths: Grid) -> Float[np.ndarray, "bands"]:
         raise ValueError(
             f"wavelengths must ascend: number {i + 1} is {grid[i]:g} nm after {grid[i - 1]:g} nm; sort them"
         )
+    if grid[-1] < 1e-4:
+        raise ValueError(f"wavelengths are in nm, and {grid[-1]:g} looks like metres: multiply them by 1e9")
     if grid[-1] < 10:
         raise ValueError(f"wavelengths are in nm, and {grid[-1]:g} looks like micrometres: multiply them by 1000")
     grid.setflags(write=False)

@@ -240,7 +240,10 @@ def stack_from_dict(given: Any) -> Stack:
         ValueError: something is missing, unknown or out of range; the message names the value and the fix.
     """
     if not isinstance(given, dict) or given.get("glazejax") != "stack":
-        raise ValueError('this is no stack: it must be an object with "glazejax": "stack" and "coats"')
+        raise ValueError(
+            'this is no stack: it must be an object such as {"glazejax": "stack", "coats": '
+            '[{"paint": {"CobaltBlue": 1}, "um": 12}]}'
+        )
     if given.get("version", 1) != 1:
         raise ValueError(f"the stack is of version {given['version']!r}, and this glazejax reads version 1: update it")
     if unknown := set(given) - _KEYS:
@@ -265,14 +268,20 @@ def _coat(number: int, given: Any, shelf: Mapping[str, Pigment]) -> Coat:
     if not isinstance(given, dict) or not {"paint", "um"} <= set(given):
         raise ValueError(f'{where} must have "paint" and "um", such as {{"paint": {{"CobaltBlue": 1}}, "um": 12}}')
     thickest = MAX_THICKNESS * 1e6
-    if (um := _real(given["um"])) is None or not 0 <= um <= thickest:
-        raise ValueError(f"{where} is {given['um']} micrometres thick; it must be between 0 and {thickest:g}")
+    if (um := _real(given["um"])) is None:
+        raise ValueError(f'{where}: "um" is {given["um"]!r}; it must be a number of micrometres, without a unit')
+    if not 0 <= um <= thickest:
+        raise ValueError(f"{where} is {um:g} micrometres thick; it must be between 0 and {thickest:g}")
     return Coat(_parts(where, given["paint"], shelf), um / 1e6, 1)
 
 
 def _parts(where: str, given: Any, shelf: Mapping[str, Pigment]) -> tuple[tuple[float, str], ...]:
     if not isinstance(given, dict) or not 1 <= len(given) <= MOST_PARTS:
-        raise ValueError(f"{where} must be of 1 to {MOST_PARTS} paints with their parts by weight")
+        name = given if isinstance(given, str) else "CobaltBlue"
+        raise ValueError(
+            f"{where} must be of 1 to {MOST_PARTS} paints with their parts by weight, such as "
+            f'"paint": {{{json.dumps(name, ensure_ascii=False)[:60]}: 1}}'
+        )
     weights = {}
     for name, value in given.items():
         if (weight := _real(value)) is None or not 0 <= weight <= 1e9:
@@ -300,6 +309,10 @@ def _ground(given: Any, shelf: Mapping[str, Pigment]) -> Ground:
         return Spectrum(grid, values)
     if isinstance(given, str):
         raise ValueError(f"the ground is {given!r}; write a number from 0 to 1, white, black or card")
+    if (value := _real(given)) is not None and 2 <= value <= 100:
+        raise ValueError(
+            f"the ground is {given!r}; it must be a number between 0 and 1: {given!r} percent are {value / 100:g}"
+        )
     return _number("the ground", given, 0.0, 1.0)
 
 

@@ -312,6 +312,14 @@ def test_the_command_reads_a_stack_and_maps(run, tmp_path):
     assert np.all(read_png(tmp_path / "a" / "glaze_base_color.png")[0, 0] < pictures[0][0, 0])
 
 
+@pytest.mark.parametrize(("low", "high"), [(0.0, 4.0), (-1e-6, 1e-6)])
+def test_a_map_that_is_not_in_metres_is_told_so(run, tmp_path, low, high):
+    np.save(tmp_path / "um.npy", np.array([[low, high]]))
+    words = str(run(COATS, "--to", "textures", "--thickness-map", tmp_path / "um.npy").exception)
+    assert f"um.npy: holds {low:g} to {high:g}; thicknesses are in metres, 0 to 0.01" in words
+    assert "--thickness-range" in words
+
+
 @pytest.mark.parametrize(
     ("words", "complaint"),
     [

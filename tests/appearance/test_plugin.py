@@ -127,6 +127,17 @@ def test_numbers_count_for_the_coat_that_is_named(mitsuba, paints):
     np.testing.assert_allclose(factor(mitsuba, bsdf, 0.5, 0.9), exact(glaze, 0.5, 0.9), rtol=0, atol=bsdf.table.error)
 
 
+def test_what_glaze_bsdf_is_given(unchecked, tmp_path):
+    from glazejax.appearance.mitsuba import glaze_bsdf
+
+    text = '{"glazejax": "stack", "ground": 0.5, "coats": [{"paint": {"Eosin": 1}, "um": 1}]}'
+    (tmp_path / "glaze.json").write_text(text)
+    stack = gj.read_stack(tmp_path / "glaze.json")
+    assert glaze_bsdf(stack) == glaze_bsdf(stack.glaze())
+    with pytest.raises(TypeError, match="glaze must be a Glaze, not a list"):
+        glaze_bsdf(["Eosin:1um"])  # pyright: ignore[reportArgumentType]
+
+
 def test_a_file_of_the_studio(mitsuba, tmp_path, paints):
     path = tmp_path / "s.json"
     coats = [{"paint": {"CobaltBlue": 1}, "um": 2}]

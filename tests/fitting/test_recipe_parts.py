@@ -1,4 +1,5 @@
 from dataclasses import replace
+from types import SimpleNamespace
 
 import jax.numpy as jnp
 import numpy as np
@@ -213,3 +214,23 @@ def test_sobol_points_are_those_of_scipy(seed):
 
     theirs = qmc.Sobol(2, rng=np.random.default_rng(seed)).random_base2(6)
     np.testing.assert_array_equal(scrambled_sobol(6, seed), theirs)
+
+
+def test_recipes_for_one_target_are_drawn_on_one_scale():
+    from glazefit.recipe.plots import recipe_figure
+
+    def recipe(target, reflectance):
+        spectrum = np.full(GRID.size, reflectance)
+        return SimpleNamespace(
+            target=target, wavelengths=GRID, reflectance=spectrum, coats=(), distance=0.1, delta_e={"D65": 0.1},
+            lab={"D65": np.array([40.0, 0.0, 0.0])},
+        )  # fmt: skip
+
+    brown, white = (
+        SimpleNamespace(wavelengths=None, reflectance=None, spectral=False, labs={"D65": np.array([40.0, 0.0, 0.0])})
+        for _ in range(2)
+    )
+    recipes = [recipe(brown, 0.44), recipe(brown, 0.2), recipe(white, 0.3)]
+    figure = recipe_figure(recipes, titles=["1", "2", "3"], heading="h", subtitle="s")  # pyright: ignore
+    tops = [axes.get_ylim()[1] for axes in figure.axes[1::2]]
+    assert tops == [1.0, 1.0, 0.4]

@@ -273,6 +273,15 @@ def test_memory_stays_bounded():
         ({"method": "magic"}, "method 'magic' is unknown"),
         ({"albedo": [0.5, 0.5, 0.5]}, "3 layers .* 2"),
         ({"albedo": 0.5}, "last axis of layers"),
+        ({"albedo": "a"}, "albedo is 'a'; it must be a real number"),
+        ({"albedo": [0.5, 0.5j]}, "albedo is complex, such as"),
+        ({"albedo": [[0.5], [0.5, 0.5]]}, "albedo is no array of numbers"),
+        ({"optical_thickness": None}, "optical_thickness is None"),
+        ({"substrate_reflectance": None}, "substrate_reflectance is None"),
+        ({"cos_viewing": None}, "cos_viewing is None"),
+        ({"refractive_index": "1.5"}, "refractive_index is '1.5'"),
+        ({"tolerance": "1e-3"}, "tolerance is '1e-3'"),
+        ({"tolerance": [1e-3]}, r"tolerance is \[0.001\]; it must be one number"),
         ({"substrate_reflectance": [0.1] * 3, "cos_viewing": [0.5] * 2}, "do not broadcast"),
     ],
 )
@@ -281,3 +290,12 @@ def test_bad_input_says_what_and_how_to_mend(change, message):
     with pytest.raises(ValueError, match=message) as error:
         stack_reflectance_factor(**given)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.usefixtures("unchecked")
+def test_a_traced_tolerance_is_told_to_be_static():
+    def seen(tolerance):
+        return stack_reflectance_factor([0.5], [1.0], 0.5, tolerance=tolerance)
+
+    with pytest.raises(ValueError, match=r"tolerance is traced.*static_argnames='tolerance'"):
+        jax.jit(seen)(1e-3)

@@ -2,7 +2,7 @@
 
 import textwrap
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from glazejax.plots import EDGE, FAINT, INK, style
 
@@ -43,9 +43,7 @@ def recipe_figure(recipes: Sequence[Recipe], *, titles: Sequence[str], heading: 
         # A letter is about half as wide as it is high.
         size = min(12.0, 72.0 * (width - 0.5) / (0.53 * len(subtitle)))
         figure.text(0.25 / width, 1 - 0.68 / height, subtitle, fontsize=size, color=FAINT, va="center")
-        # Recipes for one target are compared: one scale for all of them.
-        alike = len({recipe.target.name for recipe in recipes}) == 1
-        common = max(map(_highest, recipes)) if alike else None
+        tallest = _tallest(recipes)
         for number, (recipe, title) in enumerate(zip(recipes, titles, strict=True)):
             row, column = divmod(number, columns)
             left, top = _LEFT + column * _WIDTH, height - _TOP - row * cell
@@ -56,7 +54,7 @@ def recipe_figure(recipes: Sequence[Recipe], *, titles: Sequence[str], heading: 
             swatch = figure.add_axes(box(_TITLE, _SWATCH))
             _draw_swatch(swatch, recipe, title)
             curves = figure.add_axes(box(_TITLE + _SWATCH + 0.1, _CURVES - 0.1))
-            _draw_spectra(curves, recipe, common or _highest(recipe), labelled=column == 0)
+            _draw_spectra(curves, recipe, tallest[number], labelled=column == 0)
             words = "\n".join(_wrapped(describe_coat(coat)) for coat in recipe.coats)
             x, y, *_ = box(_TITLE + _SWATCH + _CURVES + 0.27, 0.0)
             figure.text(x, y, words, fontsize=8.5, va="top", linespacing=1.25)
@@ -85,10 +83,14 @@ def _draw_swatch(axes: "Axes", recipe: Recipe, title: str) -> None:
     axes.text(2, 1.06, f"ΔE {recipe.distance:.2f}", fontsize=11, ha="right", va="bottom", color=mark)
 
 
-def _highest(recipe: Recipe) -> float:
-    """Largest reflectance of a recipe and its target."""
-    known = recipe.target.reflectance
-    return max(float(recipe.reflectance.max()), 0.0 if known is None else float(known.max()))
+def _tallest(recipes: Sequence[Recipe]) -> list[float]:
+    """Largest reflectance that is drawn for each recipe's target: recipes for one target are compared by eye."""
+    own = [max(float(r.reflectance.max()), _highest(r.target.reflectance)) for r in recipes]
+    return [max(each for each, other in zip(own, recipes, strict=True) if other.target is r.target) for r in recipes]
+
+
+def _highest(values: Any) -> float:
+    return 0.0 if values is None else float(values.max())
 
 
 def _draw_spectra(axes: "Axes", recipe: Recipe, highest: float, labelled: bool) -> None:

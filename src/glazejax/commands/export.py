@@ -263,11 +263,13 @@ def _maps(
     if span is not None and thickness is None:
         raise ValueError("--thickness-range has no meaning without --thickness-map FILE")
     if thickness is not None:
-        grey = read_grey(thickness)
-        if span is not None:
-            low, high = _range(span)
-        elif thickness.suffix.lower() == ".npy":
+        metres = span is None and thickness.suffix.lower() == ".npy"
+        grey = read_grey(thickness, heights=metres)
+        if metres:
             low, high = 0.0, 1.0
+            _check_metres(thickness, float(grey.min()), float(grey.max()))
+        elif span is not None:
+            low, high = _range(span)
         else:
             low, high = 0.0, float(np.asarray(glaze.layers[layer - 1].thickness))
         maps["thickness"] = low + (high - low) * grey
@@ -275,6 +277,17 @@ def _maps(
         if path is not None:
             maps[name] = read_grey(path)
     return maps
+
+
+def _check_metres(path: Path, low: float, high: float) -> None:
+    """Refuse thicknesses that cannot be in metres."""
+    from ..paint.media import MAX_THICKNESS
+
+    if low < 0 or high > MAX_THICKNESS:
+        raise ValueError(
+            f"{path}: holds {low:g} to {high:g}; thicknesses are in metres, 0 to {MAX_THICKNESS:g} (20 micrometres are "
+            "20e-6); values from 0 to 1 take --thickness-range, such as 0-20um"
+        )
 
 
 def _range(text: str) -> tuple[float, float]:

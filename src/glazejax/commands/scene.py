@@ -174,25 +174,11 @@ def _render(found: "SceneFile", spectral: bool, samples: int, renderer: str) -> 
 
 def _write(found: "SceneFile", rendered: "Rendered", out: Path, spectral: Path | None) -> None:
     """Files, and what was left out."""
-    from ..appearance.display.display import Display
-    from ..appearance.scene.picture import (
-        light_white,
-        picture_xyz,
-        save_png,
-        save_spectral,
-        screen_picture,
-    )
+    from ..appearance.scene.picture import save_png, save_spectral
 
     if spectral is not None:
         save_spectral(spectral, rendered)
-    wavelengths = found.scene.wavelengths
-    screen = screen_picture(
-        picture_xyz(rendered, wavelengths),
-        light_white(found.white, wavelengths),
-        Display.preset(found.display),
-        exposure=found.exposure,
-        gamut=found.gamut,  # type: ignore[arg-type]
-    )
+    screen = found.on_screen(rendered)
     save_png(out, screen.rgb)
     for line in rendered.report.describe().splitlines():
         typer.echo(f"       {line}")

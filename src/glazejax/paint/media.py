@@ -41,16 +41,25 @@ _CLEAR = 1e-12
 
 def _check_range(name: str, values: Numbers, low: float, high: float, hint: str = "") -> None:
     """Refuse concrete values that are not numbers in [low, high]."""
-    array = concrete(values)
+    try:
+        array = concrete(values)
+    except ValueError:
+        raise ValueError(f"{name} must be an array of numbers, but its rows differ in length") from None
     if array is None:
         return
     if not (jnp.issubdtype(array.dtype, jnp.floating) or jnp.issubdtype(array.dtype, jnp.integer)):
-        raise ValueError(f"{name} must be real numbers, not {array.dtype}")
+        given = repr(array.item()) if array.ndim == 0 else f"an array of {array.dtype}"
+        raise ValueError(f"{name} must be real numbers, not {given}")
     wrong = array[~((array >= low) & (array <= high) & np.isfinite(array))]
     if wrong.size:
         bounds = f"finite and at least {low:g}" if high == np.inf else f"in [{low:g}, {high:g}]"
         value = float(wrong.flat[0])
         raise ValueError(f"{name} must be {bounds}, not {value:g}{hint if value > high else ''}")
+
+
+def _said(value: Any) -> str:
+    """What was given, in a word: a text as it is, else its type."""
+    return repr(value) if isinstance(value, str) else f"a {type(value).__name__}"
 
 
 def _legal_modes(name: str, modes: Numbers, bands: int) -> Float[Array, "modes 2 bands"]:
@@ -232,7 +241,10 @@ class Mixture(eqx.Module):
         weights: Numbers,
         name: str | None = None,
     ):
-        pigments = tuple(pigments)
+        pigments = (pigments,) if isinstance(pigments, Pigment) else tuple(pigments)
+        for pigment in pigments:
+            if not isinstance(pigment, Pigment):
+                raise ValueError(f"a mixture is of Pigments, not of {_said(pigment)}")
         if not pigments:
             raise ValueError("a mixture needs at least one pigment")
         _check_grids([(p.name, p.wavelengths) for p in pigments])
@@ -308,6 +320,11 @@ class Layer(eqx.Module):
     _phase: Float[Array, "*bands terms"] | None
 
     def __init__(self, medium: Pigment | Mixture, thickness: Numbers, phase: Numbers | None = None):
+        if not isinstance(medium, Pigment | Mixture):
+            raise ValueError(
+                f"a layer is of a Pigment or a Mixture, not {_said(medium)}; the catalogue's paints are "
+                "glazejax.catalogue.load()[NAME]"
+            )
         _check_range(
             f"thickness of {medium.name!r}",
             thickness,
@@ -358,7 +375,12 @@ class Glaze(eqx.Module):
     refractive_index: float | Float[Array, "*batch"]
 
     def __init__(self, layers: Sequence[Layer], substrate: Numbers, refractive_index: Numbers = 1.5):
+        if isinstance(layers, Layer):
+            raise ValueError("layers must be a list, top first: write [layer] for a single one")
         layers = tuple(layers)
+        for layer in layers:
+            if not isinstance(layer, Layer):
+                raise ValueError(f"layers must each be a Layer, not {_said(layer)}: write Layer(paint, thickness in m)")
         substrate, index = as_array(substrate), as_array(refractive_index)
         _check_grids([(layer.medium.name, layer.medium.wavelengths) for layer in layers])
         _check_range("substrate", substrate, 0.0, 1.0, ", which looks like percent: divide it by 100")
@@ -426,8 +448,26 @@ class Glaze(eqx.Module):
         return computed(lambda xp, *each: xp.stack(xp.broadcast_arrays(*each), axis=-1), *spectra)
 
     def __repr__(self) -> str:
-        ground = f"substrate {self.substrate}" if self.substrate.ndim == 0 else f"substrate {self.substrate.shape}"
-        return f"Glaze([{', '.join(map(repr, self.layers))}], {ground}, n = {self.refractive_index})"
+        ground, index = (_short(value) for value in (self.substrate, self.refractive_index))
+        return f"Glaze([{', '.join(map(repr, self.layers))}], substrate {ground}, n = {index})"
+
+
+def check_glaze(glaze: Any) -> None:
+    """Refuse what is no glaze.
+
+    Raises:
+        TypeError: says what was given, and how a glaze is written.
+    """
+    if not isinstance(glaze, Glaze):
+        raise TypeError(
+            f"glaze must be a Glaze, not {_said(glaze)}: write Glaze([Layer(paint, thickness in m)], ground)"
+        )
+
+
+def _short(value: Any) -> str:
+    """A number as it was typed, without the digits of single precision; of an array its shape."""
+    known = concrete(value) if np.ndim(value) == 0 else None
+    return f"{known:g}" if known is not None else f"{np.shape(value)}" if np.ndim(value) else f"{value}"
 
 
 def _check_grids(grids: Sequence[tuple[str, Float[np.ndarray, "..."]]]) -> None:

@@ -20,6 +20,7 @@ from .common.inputs import (
     Numbers,
     batch_of_stacks,
     check_choice,
+    check_given,
     check_tolerance,
     check_values,
     concrete,
@@ -141,6 +142,7 @@ def stack_reflectance_factor(
 
     Source: paper A (Shinozawa et al. 2013), eqs (4)-(22), solved as described in `glazejax.radiative.ordinates.solver`.
     """
+    check_given({"cos_viewing": cos_viewing})
     given = _Inputs(albedo, optical_thickness, substrate_reflectance, refractive_index, cos_incidence, cos_viewing)
     return _evaluate(given, tolerance, method)
 
@@ -192,6 +194,7 @@ def split_reflectance_factor(
 
     Source: paper A (Shinozawa et al. 2013), eqs (19), (22), (32)-(34).
     """
+    check_given({"cos_viewing": cos_viewing})
     given = _Inputs(albedo, optical_thickness, substrate_reflectance, refractive_index, cos_incidence, cos_viewing)
     return _evaluate_split(given, tolerance, method)
 

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from ...colour import CIE_1931, colour_weights, white_point
-from ...paint.media import Glaze
+from ...paint.media import Glaze, check_glaze
 from ...radiative.common.fresnel import dielectric_reflectance
 from ...spectra import Grid, validate_wavelengths
 from ...stacks import Stack
@@ -92,6 +92,7 @@ def angular_colour(
     known = find_space(space)
     check_roughness(roughness)
     made = glaze.glaze() if isinstance(glaze, Stack) else glaze
+    check_glaze(made)
     grid = validate_wavelengths(made.wavelengths if wavelengths_nm is None else wavelengths_nm)
     weights, white = colour_weights(grid, illuminant, observer), white_point(grid, illuminant, observer)
     made = on_grid(made, grid)

@@ -20,7 +20,7 @@ from ...chebyshev_table import (
     roots,
     trial_line,
 )
-from ...paint.media import MAX_THICKNESS, Glaze, Layer
+from ...paint.media import MAX_THICKNESS, Glaze, Layer, check_glaze
 from ...radiative.common.fresnel import cos_refracted
 from ...spectra import Grid, Numbers, concrete
 from .interpolation import GlazeTable, evaluate, interior
@@ -82,6 +82,7 @@ def glaze_table(
     """
     if not 0 < tolerance < 1:
         raise ValueError(f"tolerance is {tolerance}; it must lie between 0 and 1, such as 1e-3")
+    check_glaze(glaze)
     if any(isinstance(leaf, Tracer) for leaf in jax.tree.leaves(glaze)):
         raise ValueError("JAX traces this glaze: build a table of a typical one outside, and call its .refilled here")
     glaze = on_grid(glaze, wavelengths_nm)

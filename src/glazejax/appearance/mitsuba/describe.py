@@ -7,8 +7,9 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from ...paint.media import MAX_THICKNESS, Glaze, Layer, Mixture, Pigment
+from ...paint.media import MAX_THICKNESS, Glaze, Layer, Mixture, Pigment, check_glaze
 from ...spectra import Grid, Numbers, resample, validate_wavelengths
+from ...stacks import Stack
 from .coats import Axes, check_layer, index_of
 from .device import renderer
 
@@ -19,7 +20,7 @@ _MICROMETRE = 1e-6
 
 
 def glaze_bsdf(
-    glaze: Glaze | str | Path,
+    glaze: Glaze | Stack | str | Path,
     *,
     roughness: float = 0.0,
     thickness: Surface = None,
@@ -34,7 +35,8 @@ def glaze_bsdf(
     """Dictionary of a glaze for `mitsuba.load_dict`; `register` must have been called for the variant.
 
     Args:
-        glaze: without batch axes and phase functions; or coats as text, or the path of a stack's JSON.
+        glaze: without batch axes and phase functions; or a stack, such as `glazejax.read_stack` gives; or coats as
+            text, or the path of a stack's JSON.
         roughness: alpha of the surface's GGX facets, 0 to 1; 0 is a smooth surface.
         thickness: of coat `layer`, m: a number, a map (rows, columns), or a texture of Mitsuba in m. A map becomes a
             texture in micrometres, so that an optimiser sees numbers near 1. Row 0 of a map lies at v = 0.
@@ -51,10 +53,15 @@ def glaze_bsdf(
         ``{"type": "glaze", ...}``, with numbers, text and textures only.
 
     Raises:
+        TypeError: `glaze` is none of these.
         ModuleNotFoundError: maps are given and Mitsuba is not installed.
         ValueError: a glaze with batch axes, phase functions or an index that varies; a map of another number of axes or
             with values out of range; no such coat. With maps: no variant that follows wavelengths is set.
     """
+    if isinstance(glaze, Stack):
+        glaze = glaze.glaze()
+    if not isinstance(glaze, str | Path):
+        check_glaze(glaze)
     if not 0 <= roughness <= 1:
         raise ValueError(f"roughness is {roughness}; it must lie between 0 (smooth) and 1")
     found: dict[str, Any] = {"type": "glaze", "coats": str(glaze), "layer": int(layer), "gloss": bool(gloss)}

@@ -22,6 +22,8 @@ from ..display.display import Display
 from .file_materials import read_heights, read_material, read_reflectance
 from .file_table import TomlTable
 from .lights import AreaLight, Light, ParallelLight, PointLight, lamp, measured_lamp
+from .picture import Screen, light_white, picture_xyz, screen_picture
+from .render import Rendered
 from .scene import Camera, Scene
 from .shapes import Box, Plane, Shape, Sphere
 
@@ -52,6 +54,19 @@ class SceneFile:
     exposure: float
     tolerance: float
     notes: tuple[str, ...] = ()
+
+    def on_screen(self, rendered: Rendered) -> Screen:
+        """Digital colours of what `render` or `path_trace` made of the scene, as the file wants them shown.
+
+        Its ``rgb`` goes to `save_png`.
+        """
+        return screen_picture(
+            picture_xyz(rendered, self.scene.wavelengths),
+            light_white(self.white, self.scene.wavelengths),
+            Display.preset(self.display),
+            exposure=self.exposure,
+            gamut=self.gamut,  # type: ignore[arg-type]
+        )
 
 
 def example() -> str:
@@ -261,10 +276,9 @@ def _shape(table: TomlTable, materials: list[str], folder: Path) -> Shape:
 def describe(found: SceneFile) -> str:
     """One line: what is in it."""
     scene = found.scene
+    counts = ((scene.shapes, "object"), (scene.materials, "material"), (scene.lights, "light"))
     parts = [
-        f"{len(scene.shapes)} objects",
-        f"{len(scene.materials)} materials",
-        f"{len(scene.lights)} lights",
+        *(f"{len(each)} {word}{'s' * (len(each) != 1)}" for each, word in counts),
         f"{scene.width} x {scene.height} pixels",
         describe_grid(np.asarray(scene.wavelengths)),
     ]

@@ -65,6 +65,17 @@ def check_choice(name: str, value: str, choices: Any) -> None:
         raise ValueError(f"{name} {value!r} is unknown; use one of {', '.join(map(repr, get_args(choices)))}")
 
 
+def check_given(given: Mapping[str, Numbers | None]) -> None:
+    """Refuse None for an argument that must be given.
+
+    Raises:
+        ValueError: names the argument.
+    """
+    for name, value in given.items():
+        if value is None:
+            raise ValueError(f"{name} is None; it must be a number or an array of numbers")
+
+
 def check_values(given: Mapping[str, Numbers | None]) -> None:
     """Refuse known values out of their range, by the name of the argument; None is an argument not given.
 
@@ -72,18 +83,38 @@ def check_values(given: Mapping[str, Numbers | None]) -> None:
         ValueError: names the argument, the value and the range.
     """
     for name, value in given.items():
-        known = None if value is None else concrete(value)
+        known = None if value is None else _real_numbers(name, value)
         words, test = _RANGES[name]
         if known is not None and not np.all(good := test(known)):
             raise ValueError(f"{name} holds {known[~good].flat[0]}; it must be {words}")
 
 
+def _real_numbers(name: str, value: Numbers) -> np.ndarray | None:
+    """The value as an array of real numbers, or None while it is traced; words, None and ragged rows are refused."""
+    try:
+        known = concrete(value)
+    except (ValueError, TypeError):
+        raise ValueError(f"{name} is no array of numbers: its rows differ in length") from None
+    # Kind V is bfloat16 and its kin, which NumPy does not know.
+    if known is not None and known.dtype.kind not in "biufV":
+        wrong = f"complex, such as {known.flat[0]}" if known.dtype.kind == "c" and known.size else repr(value)[:60]
+        raise ValueError(f"{name} is {wrong}; it must be a real number or an array of them")
+    return known
+
+
 def check_tolerance(tolerance: float) -> None:
-    """Refuse a tolerance that is not between 0 and 1.
+    """Refuse a tolerance that is not a known number between 0 and 1.
 
     Raises:
         ValueError: names the value.
     """
+    if isinstance(tolerance, Tracer):
+        raise ValueError(
+            "tolerance is traced by JAX, and chooses the program: make it static, as in "
+            "jax.jit(f, static_argnames='tolerance'), or close over it"
+        )
+    if np.ndim(tolerance) or not isinstance(tolerance, int | float | np.number | np.ndarray | jax.Array):
+        raise ValueError(f"tolerance is {tolerance!r}; it must be one number between 0 and 1, such as 1e-6")
     if not 0 < tolerance < 1:
         raise ValueError(f"tolerance is {tolerance}; it must be between 0 and 1, such as 1e-6")
 
@@ -149,6 +180,7 @@ def batch_of_stacks(
     Raises:
         ValueError: a known value out of range, axes of layers that do not fit, or shapes that do not broadcast.
     """
+    check_given({name: given[name] for name in (*_OF_LAYERS, "substrate_reflectance")})
     check_values(given)
     dtype = dtype or jnp.result_type(float)
     arrays = {name: _as_array(value, dtype, xp) for name, value in given.items() if value is not None}
