@@ -32,8 +32,8 @@ class Sparse(Toy):
         maps = super().solve(window)
         random = np.random.default_rng(list(window))
         maps.arrays["status"] = random.choice([1, 1, 1, 2, 5], window.shape).astype(np.uint8)
-        members = np.array([[-1, -1, -1], [0, -1, -1], [1, 2, -1], [0, 1, 2]], np.int16)
-        maps.arrays["members"] = members[random.integers(0, 4, window.shape)]
+        members = np.array([[-1, -1, -1], [0, -1, -1], [1, 2, -1], [0, 1, 2], [0, 1, -1], [2, -1, -1]], np.int16)
+        maps.arrays["members"] = members[random.integers(0, len(members), window.shape)]
         return maps
 
 
@@ -88,6 +88,8 @@ def test_a_set_has_the_names_of_its_paints_before_and_after_export(store, tmp_pa
         ([0, -1, -1], "ZincWhite"),
         ([1, 2, -1], "Eosin + Umber"),
         ([0, 1, 2], "ZincWhite + Eosin + Umber"),
+        ([0, 1, -1], "ZincWhite + Eosin"),
+        ([2, -1, -1], "Umber"),
     ):
         there = (ours.members.values == members).all(axis=-1)
         assert there.any()
