@@ -25,7 +25,7 @@ from docstrings import as_links, join_returns, short_defaults  # noqa: E402
 from notebook_times import too_slow  # noqa: E402
 from offline import faults_of  # noqa: E402
 from pages_of_repository import TEXTS, links_for_site  # noqa: E402
-from reading import code_that_breaks, pictures_that_open  # noqa: E402
+from reading import code_that_breaks, modules_that_break, pictures_that_open  # noqa: E402
 from reference import as_markdown  # noqa: E402
 from results import folded  # noqa: E402
 
@@ -225,6 +225,11 @@ def test_code_breaks_at_its_joints_and_options_never():
     assert "split_<wbr/>reflectance_<wbr/>factor" in code("split_reflectance_factor")
     assert "option" in code("--refractive-index")
     assert "<wbr/>" not in code("--refractive-index") + code("glazejax") + code("&quot;&lt;&gt;&amp;&quot;")
+
+
+def test_names_of_modules_break_at_their_dots():
+    assert modules_that_break("<h1>glazejax.radiative.rough<a>#</a></h1>").count("<wbr/>") == 2
+    assert modules_that_break("<p>see glazejax.io, or glazefit.</p>") == "<p>see glazejax.io, or glazefit.</p>"
 
 
 def test_a_picture_opens_unless_it_is_a_link():

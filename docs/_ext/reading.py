@@ -15,6 +15,7 @@ _CODE = re.compile(r"<code\b.*?</code>", re.DOTALL)
 _WORDS = re.compile(r'<span class="pre">([^<]+)</span>')
 _OPTION = re.compile(r"-{1,2}[A-Za-z][\w-]*")
 _JOINT = re.compile(r"([/_.=,:(\[]+)(?=[\w\"'(&])")
+_MODULE = re.compile(r"(?<=>)(glaze\w+(?:\.\w+)+)(?=<)")
 _PICTURE = re.compile(r"(<a\b[^>]*>\s*)?(<img\b[^>]*\bsrc=\"([^\"]+)\"[^>]*/?>)")
 
 
@@ -33,6 +34,11 @@ def code_that_breaks(page: str) -> str:
     return _CODE.sub(lambda code: _WORDS.sub(mended, code[0]), page)
 
 
+def modules_that_break(page: str) -> str:
+    """Names of modules in titles and links, which are no code, with places where a line may end."""
+    return _MODULE.sub(lambda name: name[1].replace(".", ".<wbr/>"), page)
+
+
 def pictures_that_open(page: str) -> str:
     """Each picture that is no link leads to its own file."""
 
@@ -46,7 +52,11 @@ def _mend(app: "Sphinx", name: str, template: str, context: dict[str, Any], tree
     page = context.get("body")
     if not page:
         return
-    page = pictures_that_open(code_that_breaks(page))
+    page = modules_that_break(pictures_that_open(code_that_breaks(page)))
+    for way in ("prev", "next"):
+        if context.get(way):
+            title = modules_that_break(f">{context[way]['title']}<")[1:-1]
+            context[way] = {**context[way], "title": title}
     if name.startswith("results/"):
         # Tables of fixed width: the style gives them the width of the list of headings, of which there is none.
         page = f'<div class="of-result">{page}</div>'
