@@ -25,6 +25,13 @@ def run(*words):
     return CliRunner().invoke(make_app(), ["convert", *map(str, words)])
 
 
+def test_flags_take_no_value_in_the_help():
+    for words in ([], ["convert"]):
+        shown = CliRunner().invoke(make_app(), [*words, "--help"]).output
+        assert "--help" in shown
+        assert "<bool>" not in shown
+
+
 @pytest.mark.parametrize("name", ["out.csv", "out.tsv", "out.cxf", "out.hdr"])
 def test_every_format(chart, tmp_path, name):
     done = run(chart, tmp_path / name)

@@ -84,9 +84,10 @@ def test_least_squares_that_did_not_settle_is_said(model, monkeypatch):
 def test_a_recipe_that_did_not_settle_is_named(capsys):
     recipe = find_recipes((60, 10, 10), palette(), max_paints=2, max_layers=1, count=1)[0]
     for settled in (True, False):
-        print_recipes([recipe, replace(recipe, converged=settled)], Console())
+        print_recipes([recipe, replace(recipe, converged=settled)], Console(), "--geometry 45:0")
         print_best([[replace(recipe, converged=settled)]], Console())
         said = " ".join(capsys.readouterr().out.split())
+        assert f"glazejax render --layers '{recipe.layers}' --geometry 45:0" in said
         assert ("stopped before it had settled for recipe 2:" in said) is not settled
         assert (f"stopped before it had settled for the recipe of {recipe.target.name}:" in said) is not settled
 
@@ -124,6 +125,12 @@ def test_targets_of_a_screen():
     science = colour.colour_science()
     expected = science.XYZ_to_Lab(science.sRGB_to_XYZ(np.array([0x8A, 0x4B, 0x2D]) / 255))
     np.testing.assert_allclose(srgb_target("8a4b2d").lab(D65, colour.CIE_1931), expected, atol=0.02)
+    same = srgb_target("138, 75, 45")
+    assert same.name == "#8a4b2d"
+    np.testing.assert_allclose(same.lab(D65, colour.CIE_1931), expected, atol=0.02)
+    for wrong in ("300,0,0", "1,2", "0.5,0.5,0.5"):
+        with pytest.raises(ValueError, match="write red, green and blue from 0 to 255, such as 138,75,45"):
+            srgb_target(wrong)
 
 
 def test_targets_of_a_chart():

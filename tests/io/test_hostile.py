@@ -209,7 +209,7 @@ PACKED = jcamp_block(form="DIFDUP")
         ("t.cxf", CXF.replace("<cc:CxF", '<!DOCTYPE a [<!ENTITY b "c">]><cc:CxF'), "it has a DOCTYPE"),
         ("t.csv", "Name,400\n" + "a" * (5 << 20), "line 2: longer than 4 MB"),
         ("t.csv", 'Name,400\n"' + "a" * 200_000, "line 2: field larger than .*; is a quotation mark left open"),
-        ("t.csv", "Name,400\n" + "a\x1b[31m\n", "line 2: 1 cells where"),
+        ("t.csv", "Name,400\n" + "a\x1b[31m\n", "line 2: 1 cell where"),
         ("t.csv", WIDE + "x,0.1,0.2,0.3\n" * 2, "line 5: sample 'x' is already on line 4"),
     ],
 )

@@ -1,5 +1,6 @@
 """The command `glazejax recipe`: a colour or a spectrum in, glazes out."""
 
+import shlex
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -179,7 +180,17 @@ def recipe(
     seconds = time.perf_counter() - started
     with progress.doing("drawing"):
         _write(found, task, out, others, overwrite)
-    _print(found, task, seconds, console)
+    asked = {
+        "--geometry": None if sphere else geometry or _GEOMETRY,
+        "--ground": ground,
+        "--refractive-index": None if refractive_index == 1.5 else refractive_index,
+        "--illuminant": None if lights[0] == "D65" else lights[0],
+        "--observer": None if str(observer) == "2" else observer,
+        "--catalogue": None if catalogue == options.OILS else catalogue,
+        "--pigments": pigments,
+    }
+    seen = shlex.join(word for name, value in asked.items() if value is not None for word in (name, str(value)))
+    _print(found, task, seconds, console, seen)
     files = ", ".join(str(path) for path in (out, *others.values()) if path is not None)
     console.print(f"wrote {files}", markup=False)
     if how.interrupted:
@@ -267,7 +278,7 @@ def _seen(task: "Task") -> str:
     return f"{', '.join(task.illuminants)}, {eye}, {task.geometry.describe()}"
 
 
-def _print(found: "list[list[Recipe]]", task: "Task", seconds: float, console: "Console") -> None:
+def _print(found: "list[list[Recipe]]", task: "Task", seconds: float, console: "Console", seen: str) -> None:
     from glazejax import catalogue
 
     from .report import print_best, print_recipes
@@ -277,7 +288,7 @@ def _print(found: "list[list[Recipe]]", task: "Task", seconds: float, console: "
     legend = f"{test}per 10 %: ΔE00 when that coat alone is a tenth thicker or thinner"
     legend = legend[0].upper() + legend[1:]
     if len(found) == 1:
-        print_recipes(found[0], console)
+        print_recipes(found[0], console, seen)
     else:
         print_best(found, console)
         reached = sum(recipes[0].in_gamut for recipes in found)

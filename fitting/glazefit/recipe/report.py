@@ -82,8 +82,14 @@ def _lab_hex(recipe: Recipe, lab) -> str:
     return hex_colour(colour.xyz_to_srgb(colour.lab_to_xyz(lab, white), white))
 
 
-def print_recipes(recipes: Sequence[Recipe], console: Console) -> None:
-    """Print all recipes of one target, coat by coat."""
+def print_recipes(recipes: Sequence[Recipe], console: Console, seen: str = "") -> None:
+    """Print all recipes of one target, coat by coat.
+
+    Args:
+        recipes: the nearest first.
+        console: to print to.
+        seen: options of ``glazejax render`` under which it shows the colour that was computed here.
+    """
     first = recipes[0]
     table = _table(["", *_titles(first)])
     for rank, recipe in enumerate(recipes, 1):
@@ -92,7 +98,8 @@ def print_recipes(recipes: Sequence[Recipe], console: Console) -> None:
     console.print(Text(f"{first.target.name} ", style="bold") + swatches + Text(" target, first recipe"))
     console.print(table)
     console.print(Text(MIXING.format(first.between_mixings), style="dim"))
-    console.print(Text(f"See the first: glazejax render --layers '{first.layers}'", style="dim"), soft_wrap=True)
+    line = f"glazejax render --layers '{first.layers}'"
+    console.print(Text(f"See the first: {' '.join(filter(None, (line, seen)))}", style="dim"), soft_wrap=True)
     if first.mixed is not None:
         console.print(Text(if_mixed(recipes)))
     if not first.in_gamut:
