@@ -6,6 +6,7 @@ The site itself is built by `.ci/run`: it executes the notebooks, and a warning 
 import ast
 import doctest
 import importlib
+import inspect
 import re
 import shutil
 import subprocess
@@ -194,6 +195,16 @@ def test_every_public_name_is_in_the_reference():
         room = room_of(name)
         assert public_names(room), name
         assert all(hasattr(room, public) for public in public_names(room)), name
+
+
+def test_help_names_types_and_does_not_spell_them_out():
+    import glazejax
+
+    for name in glazejax.__all__:
+        thing = getattr(glazejax, name)
+        if callable(thing):
+            words = str(inspect.signature(thing))
+            assert "Union[" not in words, f"{name}: its module lacks `from __future__ import annotations`"
 
 
 def test_the_site_asks_no_other_host():
