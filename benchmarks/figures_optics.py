@@ -3,6 +3,9 @@
 See `benchmarks.figures`. Numbers are said as the first sentence that quotes them says them; others may round further.
 """
 
+import re
+from collections.abc import Callable
+
 from benchmarks.figures import Reader, add, below, cell, found, least, most, number, one_over, ratio
 
 
@@ -46,6 +49,19 @@ for _key, _row in (("1e2", "0.01"), ("1e4", "0.0001"), ("1e6", "1e-06"), ("1e8",
     for _what, _name in (("value", "glazejax n = 1.5          "), ("slopes", "glazejax n = 1.5, gradient")):
         add("frontier", ".2f ms", **{f"{_what}_{_key}": cell(f"{_name}           {_row}", 1)})
 add("frontier", ".2f ms", value_1e3=cell("glazejax n = 1.5                     0.001", 1))
+
+
+def _times_of(program: str, choose: Callable[[list[float]], float]) -> Reader:
+    """Of a program's settings, the times over ours at equal error, the last column."""
+    return lambda text: choose([number(x) for x in re.findall(rf"^(?:{program}) .* (\S+)$", text, re.MULTILINE)])
+
+
+for _key, _program in (("auxiliary", 'method="auxiliary"'), ("paper", "paper A,|fixed step, corrected")):
+    add(
+        "frontier",
+        "1s times",
+        **{f"{_key}_least": _times_of(_program, min), f"{_key}_most": _times_of(_program, max)},
+    )
 
 for _key, _range in (
     ("layers", "2 to 40"),

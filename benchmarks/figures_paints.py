@@ -83,6 +83,7 @@ add(
     "identification",
     ".0f %",
     shades_angle=cell("as measured        nearest spectral angle", 4, 100),
+    shades_smoothed=cell("smoothed to 60 nm  offset and strength free", 4, 100),
     cards=cell("offset and strength free", 4, 100, after="across cards"),
     cards_angle=cell("nearest spectral angle", 4, 100, after="across cards"),
     cards_slope=cell("angle of the slope of -log R", 4, 100, after="across cards"),

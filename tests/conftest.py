@@ -51,6 +51,8 @@ _MANY_MAPPINGS = 20_000
 """Of memory by one process; Linux allows 65530, and LLVM, which takes some for each program, crashes beyond."""
 _MUCH_MEMORY = 1.2e9
 """Bytes held by one process between two modules; the heaviest tests take some .6e9 more."""
+_TOO_MUCH_MEMORY = 1.5e9
+"""The same between two tests of a module, whose programs the next one may want again."""
 
 
 @pytest.fixture(autouse=True)
@@ -59,22 +61,31 @@ def _dtypes_are_said(request):
     forward = "fitting" not in request.path.parts or _CHECKED == "all"
     with jax.numpy_dtype_promotion("strict" if forward else "standard"):
         yield
+    if _memory() > _TOO_MUCH_MEMORY:
+        _let_programs_go()
 
 
 @pytest.fixture(autouse=True, scope="module")
 def _programs_are_let_go():
     """Throws compiled programs away before there are too many, or too large ones."""
     yield
-    process = Path("/proc/self")
-    if not (process / "maps").exists():
-        return
-    mappings = len((process / "maps").read_bytes().splitlines())
-    memory = int((process / "statm").read_text().split()[1]) * resource.getpagesize()
-    if mappings > _MANY_MAPPINGS or memory > _MUCH_MEMORY:
-        jax.clear_caches()
-        gc.collect()
-        if hasattr(libc := ctypes.CDLL(None), "malloc_trim"):  # What glibc keeps of it goes back too.
-            libc.malloc_trim(0)
+    maps = Path("/proc/self/maps")
+    mappings = len(maps.read_bytes().splitlines()) if maps.exists() else 0
+    if mappings > _MANY_MAPPINGS or _memory() > _MUCH_MEMORY:
+        _let_programs_go()
+
+
+def _memory() -> int:
+    """Bytes that this process holds now; 0 where Linux does not tell."""
+    told = Path("/proc/self/statm")
+    return int(told.read_text().split()[1]) * resource.getpagesize() if told.exists() else 0
+
+
+def _let_programs_go() -> None:
+    jax.clear_caches()
+    gc.collect()
+    if hasattr(libc := ctypes.CDLL(None), "malloc_trim"):  # What glibc keeps of it goes back too.
+        libc.malloc_trim(0)
 
 
 @pytest.fixture

@@ -32,8 +32,8 @@ class Block(NamedTuple):
     results: frozenset[str]
 
 
-def blocks(markdown: str) -> Iterator[Block]:
-    """Blocks of a document that stand beside results, in order."""
+def blocks(markdown: str, *, all_of_them: bool = False) -> Iterator[Block]:
+    """Blocks of a document that stand beside results, in order; or all, some of them with no results."""
     before: frozenset[str] = frozenset()
     for piece in re.split(r"\n\s*\n|\n(?=#|\||- |\d\. )", re.sub(r"(?ms)^```.*?^```", "", markdown)):
         text = " ".join(piece.split())
@@ -41,7 +41,7 @@ def blocks(markdown: str) -> Iterator[Block]:
             before = frozenset()
             continue
         linked = frozenset(name for pair in _LINK.findall(text) for name in pair if (FOLDER / f"{name}.txt").is_file())
-        if linked or before:
+        if linked or before or all_of_them:
             yield Block(text, linked or before)
         # A row of a table stands for itself.
         if linked and not text.startswith("|"):
@@ -89,4 +89,14 @@ def unbacked(markdown: str, exempt: Iterable[str] = ()) -> list[str]:
         for block in blocks(markdown)
         for number in quoted(block.text, exempt)
         if not backing(number, block.results)
+    ]
+
+
+def beside_nothing(markdown: str, exempt: Iterable[str] = ()) -> list[str]:
+    """Numbers of blocks that stand beside no result at all, each with what stands around it."""
+    return [
+        f"{' '.join(filter(None, number))} in: {block.text[:90]}..."
+        for block in blocks(markdown, all_of_them=True)
+        if not block.results
+        for number in quoted(block.text, exempt)
     ]

@@ -1,6 +1,7 @@
 """Imports follow ARCHITECTURE.md: every arrow is on the page, every arrow there is used, no file is in a circle."""
 
 import ast
+import functools
 import re
 from collections import defaultdict
 from collections.abc import Iterator
@@ -25,8 +26,13 @@ def _modules() -> dict[str, Path]:
 MODULES = _modules()
 
 
-def _imports(module: str) -> Iterator[str]:
+@functools.cache
+def _imports(module: str) -> frozenset[str]:
     """Modules of ours that a module imports anywhere in its text, also for types only."""
+    return frozenset(_imported(module))
+
+
+def _imported(module: str) -> Iterator[str]:
     path = MODULES[module]
     package = module.split(".") if path.name == "__init__.py" else module.split(".")[:-1]
     for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -62,6 +68,7 @@ def _allowed() -> dict[str, set[str]]:
     return rooms
 
 
+@functools.cache
 def _arrows() -> dict[str, set[str]]:
     arrows: dict[str, set[str]] = defaultdict(set)
     for module in MODULES:

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 ROOT = Path(__file__).parents[1]
@@ -44,6 +45,15 @@ def films() -> int:
     return len(of("glazefit:read_films")(of("glazejax.samples:path")()).names)
 
 
+def card(bare: float) -> float:
+    return float(of("glazefit:ground_from_air")(np.array(bare)))
+
+
+def surface() -> float:
+    """Per cent that the surface adds at d:8."""
+    return 100 * of("glazejax:Instrument").parse("d:8").seen_surface
+
+
 def grid(name: str) -> Any:
     return next(iter(of("glazejax.catalogue:load")(name).values())).wavelengths
 
@@ -70,6 +80,11 @@ SAID: list[tuple[str, str, Callable[[], tuple[Any, ...]]]] = [
         "{} values of albedo and BRDF of {} varnished",
         lambda: (len(layered()), len({row["number"] for row in layered()})),
     ),
+    ("README.md", "a card that reads 84 % bare is about {:.2f}.", lambda: (card(0.84),)),
+    ("docs/glossary.md", "a card that reads 84 % bare is about {:.2f} ", lambda: (card(0.84),)),
+    ("docs/glossary.md", "R_s is {:.0f} % at n = 1.5 and", lambda: (surface(),)),
+    ("docs/instruments.md", "reads {:.0f} % more than with `de:8`", lambda: (surface(),)),
+    ("docs/instruments.md", "by about {:.0f} % of the light", lambda: (surface(),)),
     ("docs/index.md", "Python {} to {}.", lambda: (pythons()[0], pythons()[-1])),
     (
         "docs/conventions.md",

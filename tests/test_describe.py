@@ -91,11 +91,11 @@ def test_names_are_found_whatever_their_spelling():
     names = ["UltramarineBlue", "CobaltBlue", "Zinc-White"]
     assert find_name("ultramarine blue", names) == "UltramarineBlue"
     assert find_name("ZINC_WHITE", names) == "Zinc-White"
-    with pytest.raises(ValueError, match="there is no pigment 'Cobalt': the nearest are CobaltBlue"):
+    with pytest.raises(ValueError, match="there is no pigment 'Cobalt': the nearest is CobaltBlue"):
         find_name("Cobalt", names)
-    with pytest.raises(ValueError, match="nearest are UltramarineBlue"):
+    with pytest.raises(ValueError, match="nearest is UltramarineBlue"):
         find_name("Ultramrineblu", names)
-    with pytest.raises(ValueError, match="--list shows all names"):
+    with pytest.raises(ValueError, match="`glazejax render --list` shows all names"):
         find_name("xyz", names)
 
 

@@ -224,6 +224,8 @@ def test_types_of_the_reference_are_links():
 def test_defaults_without_words_are_left_out_of_signatures():
     given = "(name, labs=<factory>, progress=<function <lambda>>, count=5)"
     assert short_defaults(given) == "(name, labs=..., progress=..., count=5)"
+    assert short_defaults("(_rows, _groups)") == ""
+    assert short_defaults(None) is None
 
 
 def test_code_breaks_at_its_joints_and_options_never():
@@ -244,7 +246,7 @@ def test_a_picture_opens_unless_it_is_a_link():
 
 def test_words_of_a_result_are_folded_and_tables_are_not():
     words, row = "a long sentence " * 10, "film  " * 40
-    assert all(len(line) <= 110 for line in folded(words).splitlines())
+    assert all(len(line) <= 120 for line in folded(words).splitlines())
     assert folded(words).split() == words.split()
     assert folded(row) == row
 

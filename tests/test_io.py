@@ -67,6 +67,25 @@ def test_percent_is_said(tmp_path):
 
 
 @pytest.mark.parametrize(
+    "title", ["Wellenlänge [nm]", "Wellenlaenge", "Longueur d'onde (nm)", "Lunghezza d’onda", "golflengte", "Våglängd"]
+)
+def test_a_table_of_a_european_spreadsheet(tmp_path, title):
+    text = f"{title};Mantel, links;Weiß\n400;12,5;80\n410;13,5;81,25\n"
+    for content in (text, text.encode("cp1252")):
+        table = read_spectra(put(tmp_path, content))
+        assert table.names == ("Mantel, links", "Weiß")
+        np.testing.assert_allclose(table.reflectance, [[0.125, 0.135], [0.8, 0.8125]])
+        told = any("read as Windows-1252" in note for note in table.notes)
+        assert told == (isinstance(content, bytes))
+
+
+def test_slightly_negative_readings_are_noise(tmp_path):
+    table = read_spectra(put(tmp_path, "nm,red\n400,-.002\n410,.2\n"))
+    assert table["red"].tolist() == [0.0, 0.2]
+    assert table.notes == ["1 value slightly below 0 (noise, down to -0.002) became 0"]
+
+
+@pytest.mark.parametrize(
     ("text", "complaint"),
     [
         ("", "the file is empty"),
@@ -93,6 +112,11 @@ def test_percent_is_said(tmp_path):
         ("Name,400,410\nred,.1,.1\n\nred,.1,.2\n", "line 4: sample 'red' is already on line 2"),
         ("wavelength,a,a\n400,.1,.2\n", "line 1: sample 'a' is already"),
         ("Name,400,410\n,.1,.1\n", "line 2: a sample has no name"),
+        ("nm,red\n400,12,34\n", "line 2: 3 cells where the header has 2; if commas are decimal points, separate"),
+        ("wavenumber,red\n25000,.1\n", "'wavenumber' are wavenumbers; write wavelengths in nm"),
+        (b"\x89PNG\r\n\x1a\n\0\0", "a picture .PNG., which holds no spectra"),
+        (b"\xff\xd8\xff\xe0\0", "a picture .JPEG."),
+        ("nm,red\n400,2000\n410,3000\n", "too much for a fraction .* divide by what stands for"),
     ],
 )
 def test_errors_are_one_line_that_says_where(tmp_path, text, complaint):

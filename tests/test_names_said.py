@@ -33,7 +33,7 @@ MISSING = object()
 @functools.cache
 def words() -> frozenset[str]:
     """Every word and option of the code, but for those of docstrings and of lines that are comments."""
-    found = set(ELSEWHERE)
+    found = {*ELSEWHERE, Path(__file__).stem}
     for path in (path for folder in CODE for path in folder.rglob("*.py") if path != Path(__file__)):
         code = re.sub(r"^ *#.*|" + DOCSTRING, "", path.read_text("utf-8"), flags=re.MULTILINE)
         found |= {*path.with_suffix("").parts, *re.findall(rf"(?<!-)--[a-z][a-z-]*|{IDENTIFIER}", code)}
@@ -77,10 +77,8 @@ def attribute(thing: object, name: str) -> object:
 @functools.cache
 def public() -> frozenset[str]:
     """Public names of both packages and the rooms below them that the documents shorten names by."""
-    import glazefit
-    import glazejax
-
-    return frozenset({*glazejax.__all__, *glazefit.__all__, "glazejax", "glazefit", "radiative", "appearance"})
+    offered = (name for package in PACKAGES for name in importlib.import_module(package.name).__all__)
+    return frozenset({*offered, "glazejax", "glazefit", "radiative", "appearance"})
 
 
 @each_page

@@ -19,6 +19,17 @@ _STUDIO = {
     "a touch of the brush to pixels": "brush",
     "all 512 x 512 pixels anew": "canvas",
 }
+_PROGRAMS = {
+    "CDISORT, threaded batch, no surface: value": "cdisort",
+    "sasktran2, no surface, one azimuth mode: value and gradient": "sasktran2",
+    "sasktran2, no surface, as it comes: value and gradient": "sasktran2_all_modes",
+}
+_FLUXES = {
+    "as the paper counts: paths for 303 incidences, fluxes for 13 by symmetry": "paper",
+    "13 incidences for both, by symmetry": "both",
+    "303 incidences for both": "neither",
+    "303 for both, the fluxes as one matrix of 312 directions each way, as printed": "matrix",
+}
 _RIVALS = ("angle", "nnls", "nnls_log", "opaque", "film", "map")
 _COMMANDS = ("render", "recover", "recover_into", "identify", "recipe", "chart")
 SENTENCES = [
@@ -82,6 +93,14 @@ SENTENCES = [
         "docs/accuracy.md",
         "ray-traced with one bounce (figure 15) | {object_colour_figures.planes_mean} | "
         "{object_colour_figures.planes_most}",
+    ),
+    *(
+        ("docs/accuracy.md", f"| {words} | {{frontier.{key}_1e4}} | {{frontier.{key}_1e8}} |")
+        for words, key in _PROGRAMS.items()
+    ),
+    *(
+        ("docs/accuracy.md", f"| {words} | {{many_flux_claims.{key}}} | {{many_flux_claims.{key}_scaled}} |")
+        for words, key in _FLUXES.items()
     ),
     ("docs/accuracy.md", "Over all pairs it is nearer in {paper_rounding.all_nearer} %"),
     ("docs/accuracy.md", "though the paints are there | | {truth.none_false} % |"),

@@ -63,7 +63,7 @@ def solved(q: float, depth: float, ground: float, light: float, view: float) -> 
     # Transfer: dL/dtau = A L - b exp(-tau/mu_0).
     matrix = (np.eye(2 * n) - q / 2 * weights) / both[:, None]
     own = np.linalg.solve(-np.eye(2 * n) / inside - matrix, -q * beam / (4 * np.pi * inside) / both)
-    rates, vectors = (values.real for values in np.linalg.eig(matrix))
+    rates, vectors = (np.real(values) for values in np.linalg.eig(matrix))
     above, below = (vectors * np.exp(rates * (t - np.where(rates > 0, depth, 0.0))) for t in (0.0, depth))
     left = np.exp(-depth / inside)
     # Top and ground.

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from benchmarks import figures
 
-from tests.prose import Quoted, backing, blocks, quoted, unbacked
+from tests.prose import Quoted, backing, beside_nothing, blocks, quoted, unbacked
 
 ROOT = Path(__file__).parents[1]
 # Not what a build of the site makes.
@@ -17,7 +17,11 @@ DOCUMENTS = ["README.md"] + [
 ]
 # What no result holds. Sizes and settings are those of the command that the text names.
 EXEMPT = [
-    (r"thickness 0 to 1e6, albedo 0 to 1|cosines down to 4e-4", "what tests/radiative try"),
+    (
+        r"thickness 0 to 1e6, albedo 0 to 1|cosines down to 4e-4",
+        "what tests/radiative try",
+    ),
+    (r"1 to 5 layers of optical thickness \.003 to 30, cosines from \.05", "benchmarks/calibrate_directions.py"),
     (r"\b[\d,]+(?: x [\d,]+)+\b", "sizes of pictures and tables"),
     (
         r"\b[\d,]+ (?:wavelengths|bands|layers|coats?|pixels|paints|patches|angles|directions|incidences|acrylics|"
@@ -32,7 +36,10 @@ EXEMPT = [
     (r"(?<![\d.])1e-?\d+\b", "tolerances asked for, which tests hold"),
     (r"\b(?:n|g|Q|dh) = [\d.]+", "settings"),
     (r"\b(?:index|indices) (?:of )?(?:exactly )?[\d.]+(?: to [\d.]+)?|all of 1 to 2\.5", "settings"),
-    (r"noise of \.\d+|scatter of strength of 20 %|films of 25 µm|coarsening to 0\.04|times 0\.1\b", "settings"),
+    (
+        r"smoothed to 60 nm|noise of \.\d+|scatter of strength of 20 %|films of 25 µm|coarsening to 0\.04|times 0\.1\b",
+        "settings",
+    ),
     (r"gammas \([\d., ]+\)|black \(0\.05 cd/m²\)|\b8 bits|24-bit", "settings"),
     (r"\b(?:90|95) % (?:intervals?|bands?|\|)", "what an interval or a quantile is to hold"),
     (r"\b\w+:\d+\b", "geometries and tints, such as 45:0 and 1:10"),
@@ -63,6 +70,14 @@ def test_numbers_beside_a_result_are_its_figures(document):
         "no figure of the linked results says so; `python -m benchmarks.figures` shows them. Change the text, link the "
         "result, or add the figure to benchmarks/figures_*.py:\n" + "\n".join(found)
     )
+
+
+def test_every_number_of_accuracy_stands_beside_a_result():
+    """That page says that it does; a number above the first link of its heading would be held by nothing."""
+    assert not beside_nothing(text("docs/accuracy.md"), [*PATTERNS, r"Python [\d.]+ and jax [\d.]+"])
+    assert beside_nothing("It takes 0.7 s.\n\n# Next\n\n" + f"It takes 0.6 s ({RESULTS}).") == [
+        "0.7 s in: It takes 0.7 s...."
+    ]
 
 
 @pytest.mark.parametrize("document", DOCUMENTS)

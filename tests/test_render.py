@@ -278,7 +278,7 @@ def test_own_pigments_come_before_the_catalogue(run, monkeypatch, tmp_path):
     assert "differ in wavelengths; everything is computed at 400-700 nm step 20" in out
     np.testing.assert_array_equal(read_spectra(tmp_path / "s.csv").wavelengths, W)
     status, _, err = run("--layers", "Ocre:1um", "--out", "b.png")
-    assert (status, err) == (2, "error: there is no pigment 'Ocre': the nearest are Ochre\n")
+    assert (status, err) == (2, "error: there is no pigment 'Ocre': the nearest is Ochre\n")
     status, out, _ = run("--list")
     assert status == 0
     assert [line.split()[0] for line in out.splitlines()] == ["Red", "Ochre", "DeepBlue"]
@@ -313,4 +313,4 @@ def test_the_installed_command(tmp_path):
     assert wrong.stdout == ""
     assert wrong.stderr.startswith("error: ")
     wrong = call("--layers", "Ultramarin:12um", "--out", "other.png")
-    assert wrong.stderr == "error: there is no pigment 'Ultramarin': the nearest are UltramarineBlue\n"
+    assert wrong.stderr == "error: there is no pigment 'Ultramarin': the nearest is UltramarineBlue\n"

@@ -116,8 +116,13 @@ def _dashes(app: "Sphinx", doctree: "nodes.document", page: str) -> None:
 
 
 def short_defaults(signature: str | None) -> str | None:
-    """A signature without what Python prints of a default that has no words: `<factory>`, `<function <lambda>>`."""
-    return None if signature is None else re.sub(r"=<(?:[^<>]|<[^<>]*>)*>", "=...", signature)
+    """A signature without what Python prints of a default that has no words: `<factory>`, `<function <lambda>>`.
+
+    A class that is made by others, of nothing but private parts, has no signature.
+    """
+    if signature is None or re.fullmatch(r"\(_\w+(, _\w+)*\)", signature):
+        return signature and ""
+    return re.sub(r"=<(?:[^<>]|<[^<>]*>)*>", "=...", signature)
 
 
 def _sign(app: "Sphinx", what: str, name: str, thing: Any, options: Any, args: str | None, back: str | None) -> Any:

@@ -11,7 +11,8 @@ if TYPE_CHECKING:
     from docutils import nodes
     from sphinx.application import Sphinx
 
-_CODE = re.compile(r'<span class="pre">([^<]+)</span>')
+_CODE = re.compile(r"<code\b.*?</code>", re.DOTALL)
+_WORDS = re.compile(r'<span class="pre">([^<]+)</span>')
 _OPTION = re.compile(r"-{1,2}[A-Za-z][\w-]*")
 _JOINT = re.compile(r"([/_.=,:(\[]+)(?=[\w\"'(&])")
 _PICTURE = re.compile(r"(<a\b[^>]*>\s*)?(<img\b[^>]*\bsrc=\"([^\"]+)\"[^>]*/?>)")
@@ -28,7 +29,8 @@ def code_that_breaks(page: str) -> str:
             return found[0]
         return f'<span class="pre">{_JOINT.sub(lambda joint: joint[1] + "<wbr/>", words)}</span>'
 
-    return _CODE.sub(mended, page)
+    # Not in signatures, where a line ends between parameters.
+    return _CODE.sub(lambda code: _WORDS.sub(mended, code[0]), page)
 
 
 def pictures_that_open(page: str) -> str:

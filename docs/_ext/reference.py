@@ -5,7 +5,7 @@ import inspect
 import re
 from pathlib import Path
 from types import ModuleType, UnionType
-from typing import TYPE_CHECKING, Any, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args, get_origin
 
 from pages_of_repository import DOCS, write_if_new
 
@@ -69,6 +69,8 @@ def public_names(room: ModuleType) -> list[str]:
 
 def first_sentence(value: Any) -> str:
     """What a name is, in a line: the beginning of its docstring; of a union of types, which has none, their names."""
+    if get_origin(value) is Literal:
+        return " or ".join(f"``{one!r}``" for one in get_args(value)) + "."
     if isinstance(value, UnionType):
         return " or ".join(f":py:obj:`~.{one.__name__}`" for one in get_args(value)) + "."
     words = " ".join((inspect.getdoc(value) or "").partition("\n\n")[0].split())
@@ -78,9 +80,11 @@ def first_sentence(value: Any) -> str:
 def _directive(room: str, name: str, value: Any) -> list[str]:
     if inspect.isclass(value):
         return [f".. autoclass:: {name}", "   :members:", ""]
+    if get_origin(value) is Literal or isinstance(value, UnionType):
+        return [f".. py:data:: {name}", "", f"   {first_sentence(value)}", ""]
     if callable(value) and hasattr(value, "__doc__") and not isinstance(value, type):
         return [f".. autofunction:: {name}", ""]
-    return [f".. py:data:: {name}", "", *([f"   {first_sentence(value)}", ""] if isinstance(value, UnionType) else [])]
+    return [f".. py:data:: {name}", ""]
 
 
 def _page(name: str, seen: dict[int, str]) -> str:
@@ -113,7 +117,10 @@ ALL = [name for names in ROOMS.values() for name in names]
 def _index() -> str:
     lines = ["Reference", "=========", "", "Every public name, from the code itself. Everything else may change.", ""]
     for title, names in ROOMS.items():
-        lines += [title, "-" * len(title), "", ".. toctree::", "   :maxdepth: 1", ""]
+        lines += [title, "-" * len(title), "", ".. list-table::", "   :widths: 38 62", "   :class: names", ""]
+        for name in names:
+            lines += [f"   * - :doc:`{name}`", f"     - {first_sentence(room_of(name))}"]
+        lines += ["", ".. toctree::", "   :hidden:", ""]
         lines += [f"   {name}" for name in names] + [""]
     lines += ["Commands", "--------", "", ".. toctree::", "   :maxdepth: 1", "", "   commands", ""]
     return "\n".join(lines)

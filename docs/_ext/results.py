@@ -49,10 +49,10 @@ class Result(SphinxRole):
 def folded(line: str) -> str:
     """A long sentence in several lines; a row of a table, which has columns two spaces apart, as it is."""
     words = line.strip()
-    if len(line) <= 110 or "  " in words:
+    if len(line) <= 130 or "  " in words:
         return line
     indent = line[: len(line) - len(line.lstrip())]
-    return textwrap.fill(words, 110, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False)
+    return textwrap.fill(words, 120, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False)
 
 
 def _about(path: Path) -> str:

@@ -67,8 +67,8 @@ def label_spectra(axes: "Axes", ylabel: str = "reflectance", **settings: Any) ->
     axes.set(xlabel="wavelength (nm)", ylabel=ylabel, **settings)
 
 
-def check_picture(path: str | Path, *, overwrite: bool = False) -> Path:
-    """The path of a picture, if one can be written there.
+def check_picture(path: str | Path, *, overwrite: bool = False, argument: str = "") -> Path:
+    """The path of a picture, if one can be written there; errors begin with ``argument``, such as ``--out``.
 
     Raises:
         FileExistsError: the file exists and `overwrite` is false.
@@ -76,11 +76,12 @@ def check_picture(path: str | Path, *, overwrite: bool = False) -> Path:
         ValueError: its ending is none of .png, .pdf, .svg, .jpg, or it is a folder.
     """
     path = Path(path)
+    said = f"{argument} {path}" if argument else str(path)
     if path.is_dir():
-        raise ValueError(f"{path} is a folder: name a picture in it, such as {path / 'glaze.png'}")
+        raise ValueError(f"{said} is a folder: name a picture in it, such as {path / 'glaze.png'}")
     if path.suffix.lower() not in FORMATS:
-        raise ValueError(f"{path}: pictures end in {', '.join(FORMATS)}")
-    return check_output(path, overwrite=overwrite)
+        raise ValueError(f"{said}: pictures end in {', '.join(FORMATS)}")
+    return check_output(path, overwrite=overwrite, argument=argument)
 
 
 def hex_colour(rgb: Real[Array | np.ndarray, "3"] | Sequence[float]) -> str:

@@ -174,7 +174,8 @@ def as_fraction(
     if peaks[largest] > MAX_FRACTION * scale:
         raise ValueError(
             f"reflectance of {names[largest]} reaches {peaks[largest]:g}, too much for a fraction (at most "
-            f"{MAX_FRACTION:g}) and for percent (above {MIN_PERCENT:g}, at most {100 * MAX_FRACTION:g})"
+            f"{MAX_FRACTION:g}) and for percent (above {MIN_PERCENT:g}, at most {100 * MAX_FRACTION:g}); divide by "
+            "what stands for a reflectance of 1"
         )
     if scale == 1.0:
         return values, None

@@ -289,8 +289,7 @@ def _parts(where: str, given: Any, shelf: Mapping[str, Pigment]) -> tuple[tuple[
         try:
             weights[find_name(name, shelf)] = weight
         except ValueError as error:
-            words = str(error).replace("--list shows", "`glazejax render --list` shows")
-            raise ValueError(f"{where}: {words}") from None
+            raise ValueError(f"{where}: {error}") from None
     total = sum(weights.values())
     if total <= 0:
         raise ValueError(f"{where}: all parts are 0; give one of its paints some weight")

@@ -84,6 +84,24 @@ def test_ground_must_be_a_reflectance_a_file_or_said(table, tmp_path):
         assert complaint in str(result.exception)
     assert "holds no spectrum 'x'" in str(run(one, "--ground", "0.9", "--samples", "x").exception)
     assert "unknown sample 'read'" in str(run(table, "--samples", "read").exception)
+    named = tmp_path / "named.csv"
+    write_table(named, ["Name", *(f"{nm:g}" for nm in GRID)], [["grey sky", *np.full(GRID.size, 0.4)]])
+    assert "'gray sky'; the nearest is grey sky" in str(run(named, "--opaque", "--samples", "gray sky").exception)
+
+
+def test_spectra_beyond_the_catalogue_are_cut_with_a_word(tmp_path):
+    wide, red = np.arange(360.0, 1001.0, 2.0), tmp_path / "wide.csv"
+    write_table(red, ["nm", "red"], [[nm, 0.05 if nm < 590 else 0.6] for nm in wide])
+    write_table(tmp_path / "ground.csv", ["nm", "chalk"], [[nm, 0.8] for nm in np.arange(390.0, 721.0, 10.0)])
+    result = run(red, "--ground", tmp_path / "ground.csv", "--only", "Vermillion", "--csv", tmp_path / "found.csv")
+    assert result.exception is None
+    said = " ".join(result.output.split())
+    assert "cropped to 400-700 nm step 2 (151 bands): the paints are known there only" in said
+    assert "151 bands averaged to steps of 5 nm" in said
+    assert "Vermillion" in (tmp_path / "found.csv").read_text()
+    infrared = tmp_path / "infrared.csv"
+    write_table(infrared, ["nm", "red"], [[nm, 0.5] for nm in wide[wide > 720]])
+    assert "the paints are known from 400 to 700 nm: 0 bands" in str(run(infrared, "--opaque").exception)
 
 
 def test_help_names_the_options_and_starts_quickly():

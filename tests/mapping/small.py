@@ -1,11 +1,15 @@
 """A small image of known paints, for tests of the engine: few paints, so that little is searched."""
 
+import dataclasses
 import functools
+from unittest import mock
 
 import numpy as np
 import xarray
 
-from glazefit.mapping.example import Painting, painting
+from glazefit.mapping import example
+from glazefit.mapping.example import Painting, painting, spectra
+from glazefit.mapping.scene import REGIONS
 from glazejax import catalogue
 
 PAINTS = ("ZincWhite", "LeadWhite", "UltramarineBlue", "EmeraldGreen", "ChromeYellow", "BoneBlack", "CobaltBlue")
@@ -17,10 +21,30 @@ def paints():
     return [known[name] for name in PAINTS]
 
 
+class Solved(Painting):
+    """Each pixel by the solver: tables of all regions pay for larger paintings only."""
+
+    def rows(self, y0, y1, *, noise=True):
+        with mock.patch.object(example, "_table", _solved):
+            return super().rows(y0, y1, noise=noise)
+
+
+def _solved(number, wavelengths, ground):
+    known = {name: paint.resample(wavelengths) for name, paint in catalogue.load().items()}
+
+    def table(values):
+        size = next(iter(values.values())).size
+        padded = {name: np.resize(column, -(-size // 128) * 128) for name, column in values.items()}  # of few shapes
+        return spectra(REGIONS[number], known, np.asarray(ground), padded)[:size]
+
+    return table
+
+
 @functools.lru_cache(maxsize=2)
 def scene(seed: int = 5) -> Painting:
     """A painting with other paints in it too."""
-    return painting((24, 40), 61, seed=seed)
+    made = painting((24, 40), 61, seed=seed)
+    return Solved(**{field.name: getattr(made, field.name) for field in dataclasses.fields(made)})
 
 
 def image(spectra: np.ndarray, wavelengths: np.ndarray) -> xarray.DataArray:

@@ -172,7 +172,7 @@ def test_a_map_its_report_its_table_and_its_exports_are_written(tmp_path, monkey
     files = ["--report", "page", "--csv", "sets.csv", "--export", "map.nc", "--out", "panel.zarr"]
     done = run(cube, "--ground", "0.9", "--only", "ZincWhite,Eosin", *files)
     assert done.exception is None, done.output
-    assert "12 x 10 pixels: 110 mapped; 10 left out by the mask." in done.output
+    assert "10 x 12 pixels: 110 mapped; 10 left out by the mask." in done.output
     assert sorted(path.name for path in tmp_path.iterdir()) == ["map.nc", "page", "panel.zarr", "sets.csv"]
     rows = list(csv.DictReader((tmp_path / "sets.csv").open()))
     assert [(row["paints"], row["pixels"], float(row["share"])) for row in rows] == [

@@ -1,6 +1,7 @@
 """Answers in closed form, beside searches of the same spectra."""
 
 import dataclasses
+import functools
 
 import numpy as np
 import pytest
@@ -31,6 +32,11 @@ class Problem:
         features = Features.of(self.readings)
         return Atlas.of(features, self.known, self.searcher.task.prior)
 
+    @functools.cached_property
+    def found(self):
+        """Of the readings themselves."""
+        return self.search(self.readings)
+
     def search(self, readings):
         return list(self.searcher.search(as_measured(self.searcher, readings, self.sd, self.ground)))
 
@@ -50,14 +56,14 @@ def problem(request):
     return Problem(searcher, ground, readings, sd_of(readings), searched(searcher, readings, sd_of(readings), ground))
 
 
-def probabilities(problem, readings):
-    measured, pool, odds = problem.search(readings)[0]
+def probabilities(problem, found):
+    measured, pool, odds = found[0]
     return weigh(measured, pool, odds, problem.searcher.paints, problem.searcher.opaque, 3)
 
 
 def test_at_a_representative_it_is_the_search(problem):
     found, apart = problem.atlas.answers(problem.readings.astype("f4"))
-    whole = probabilities(problem, problem.readings)
+    whole = probabilities(problem, problem.found)
     assert apart.max() < 0.2  # single precision
     assert (np.sort(found.members, axis=1) == np.sort(whole.members[:, 0], axis=1)).all()
     np.testing.assert_allclose(found.probability, whole.probability[:, 0], atol=0.02)
@@ -72,7 +78,7 @@ def test_near_a_representative_it_follows_the_search(problem):
     """Weights of candidates, amounts, fits and Delta E move as those of a new search do."""
     rng = np.random.default_rng(1)
     step = 0.0015 * rng.standard_normal(problem.readings.shape)
-    before, after = problem.search(problem.readings)[0], problem.search(problem.readings + step)[0]
+    before, after = problem.found[0], problem.search(problem.readings + step)[0]
     local = problem.known.local
     moved, predicted, shift, fits = [], [], [], []
     # Of films that explain the spectrum: a far residual is no straight line in the amounts.
@@ -118,7 +124,7 @@ def test_spectra_between_representatives_are_answered_as_searched(problem):
     rng = np.random.default_rng(2)
     noisy = np.maximum(problem.readings + 0.001 * rng.standard_normal(problem.readings.shape), 0.0)
     found, _ = problem.atlas.answers(noisy.astype("f4"))
-    whole = probabilities(problem, noisy)
+    whole = probabilities(problem, problem.search(noisy))
     same = (np.sort(found.members, axis=1) == np.sort(whole.members[:, 0], axis=1)).all(axis=1)
     assert same.mean() >= 0.85
     assert np.median(np.abs(found.paint_probability - whole.paint_probability).max(axis=1)) < 0.05
@@ -126,8 +132,7 @@ def test_spectra_between_representatives_are_answered_as_searched(problem):
 
 def test_what_is_kept_comes_back(problem):
     arrays = problem.known.arrays()
-    halves = [searched(problem.searcher, problem.readings[n], problem.sd[n], problem.ground).arrays() for n in
-              (slice(0, 40), slice(0, 40))]  # fmt: skip
+    halves = 2 * [searched(problem.searcher, problem.readings, problem.sd, problem.ground).arrays()]
     both = Searched.from_parts(2, lambda n, name: halves[n][name])
     for name, values in both.arrays().items():
         half = len(values) // 2

@@ -128,6 +128,7 @@ def test_a_second_run_does_nothing_again(made, cube, options, monkeypatch):
         map_cube(cube, small.paints(), out=out, **{**options, "max_paints": 3})
 
 
+@pytest.mark.slow
 def test_an_interrupted_run_ends_as_an_undisturbed_one(made, cube, options, tmp_path):
     class Stopped(Exception):
         pass

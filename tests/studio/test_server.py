@@ -233,6 +233,24 @@ def test_the_command_prints_its_link_and_ends_with_ctrl_c(tmp_path):
     assert "The studio is closed" in process.stdout.read()
 
 
+def test_ctrl_c_while_programs_are_compiled_ends_without_a_crash(tmp_path):
+    """A cold cache, so that the page's programs are being compiled when the studio ends."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "glazejax", "studio", "--no-open"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "GLAZEJAX_CACHE": str(tmp_path)},
+    )
+    assert process.stdout is not None
+    link = process.stdout.readline().removeprefix("The studio is at ").strip()
+    assert get(link)[0] == 200
+    time.sleep(3)
+    process.send_signal(signal.SIGINT)
+    _, complaints = process.communicate(timeout=60)
+    assert (process.returncode, complaints) == (0, "")
+
+
 def test_options_of_the_command(monkeypatch, tmp_path):
     import typer
 

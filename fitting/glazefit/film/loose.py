@@ -25,9 +25,8 @@ from glazejax.spectra import describe_grid
 
 from .films import SPECTRA, Films, usual_cards
 from .readers import ROWS
+from .shared_bands import FINEST, means_of_steps
 
-FINEST = 5.0
-"""Step in nm to which finer spectra are averaged: k and s of paint change little over it."""
 USUAL_RANGE = (380.0, 780.0)
 """Where usual cards are known, nm."""
 
@@ -175,11 +174,9 @@ def crop(films: Films, low: float, high: float, why: str) -> Films:
 def average(films: Films, step: float = FINEST) -> Films:
     """Films whose bands are averaged to steps (nm), where theirs are finer; a note says so."""
     grid = films.wavelengths
-    if grid.size < 3 or np.median(np.diff(grid)) >= 0.99 * step:
+    matrix = means_of_steps(grid, step)
+    if matrix is None:
         return films
-    _, place = np.unique(np.floor(grid / step + 0.5), return_inverse=True)
-    matrix = (place[:, None] == np.arange(place.max() + 1)).astype(float)
-    matrix /= matrix.sum(axis=0)
     return _on(films, matrix, f"{grid.size} bands averaged to steps of {step:g} nm")
 
 

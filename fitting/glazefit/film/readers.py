@@ -27,7 +27,13 @@ def read_films(path: str | Path) -> Films:
     """Read films over a black and a white card.
 
     Any table that `glazejax.io.read_spectra` reads will do, if its spectra come in fours: NAME_b, NAME_w, NAME_ob
-    and NAME_ow.
+    and NAME_ow, the bare black and white card and the paint over each. `read_loose_films` reads tables that lack some.
+
+    Args:
+        path: the table, in fractions or percent; its wavelengths in nm.
+
+    Returns:
+        The films, reflectance as fractions; their notes say what the reader changed.
 
     Raises:
         FileNotFoundError: no such file.

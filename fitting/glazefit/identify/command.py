@@ -116,7 +116,7 @@ def identify(
     paints = options.choose_paints(options.read_shelf(pigments, catalogue), only, without)
     instrument = Instrument(seen_by, refractive_index)
     inputs = input_files(read) if report is not None else []
-    task = _read(file, samples, ground, bare, opaque, instrument, console)
+    task = _read(file, samples, ground, bare, opaque, instrument, paints, console)
     from .identify import identify_chunks
     from .result import Identification
 
@@ -199,14 +199,16 @@ def _read(
     bare: bool,
     opaque: bool,
     instrument: "Instrument",
+    paints: "Sequence[Pigment]",
     console: "Console",
 ) -> _Spectra:
-    """Spectra and the grounds below them."""
+    """Spectra and the grounds below them, on bands that the paints are known at."""
     import numpy as np
 
     from glazejax.io import read_spectra
 
     from ..film.readers import ROWS, read_films
+    from ..film.shared_bands import shared_bands
     from .identify import ground_from_air
 
     def inside(bare: "np.ndarray") -> "np.ndarray":
@@ -215,28 +217,31 @@ def _read(
     table = read_spectra(file)
     progress.print_notes(console, file, table.notes)
     wanted = options.listed(samples)
+    grid, mean, changes = shared_bands(table.wavelengths, paints)
+    notes = (*table.notes, *changes)
     if ground is None and not opaque and all(name.rpartition("_")[2] in ROWS for name in table.names):
         films = read_films(file)
         films = films.select(wanted) if wanted else films
-        cards = np.stack([films.bare_black, films.bare_white], axis=1)
-        spectra = np.stack([films.over_black, films.over_white], axis=1)
+        progress.print_notes(console, file, changes)
+        cards = np.stack([films.bare_black, films.bare_white], axis=1) @ mean
+        spectra = np.stack([films.over_black, films.over_white], axis=1) @ mean
         words = ("black card, measured bare", "white card, measured bare")
-        return _Spectra(films.names, films.wavelengths, spectra, inside(cards), words, tuple(table.notes))
+        return _Spectra(films.names, grid, spectra, inside(cards), words, notes)
     rows = options.choose_rows(file, table.names, wanted)
-    spectra, names = table.reflectance[rows], tuple(table.names[i] for i in rows)
-    if opaque:
-        return _Spectra(names, table.wavelengths, spectra, None, ("a ground that is not seen",), tuple(table.notes))
-    if ground is None:
+    spectra, names = table.reflectance[rows] @ mean, tuple(table.names[i] for i in rows)
+    if ground is None and not opaque:
         raise ValueError(
             f"{file}: what is under the paint? Give --ground, its reflectance such as 0.9 or a table, or --opaque; or "
             f"rows in fours, such as {names[0]}_b, {names[0]}_w, {names[0]}_ob and {names[0]}_ow"
         )
+    progress.print_notes(console, file, changes)
+    if ground is None:
+        return _Spectra(names, grid, spectra, None, ("a ground that is not seen",), notes)
     given = options.read_ground(ground, bare=bare)
     progress.print_notes(console, "--ground", given.notes)
-    below = np.broadcast_to(given.on(table.wavelengths), table.wavelengths.shape)
+    below = np.broadcast_to(given.on(grid), grid.shape)
     words = f"{given.words}, {'measured bare with the same instrument' if bare else 'as seen from inside the paint'}"
-    notes = (*table.notes, *given.notes)
-    return _Spectra(names, table.wavelengths, spectra, inside(below) if bare else below, (words,), notes)
+    return _Spectra(names, grid, spectra, inside(below) if bare else below, (words,), (*notes, *given.notes))
 
 
 def _about(

@@ -12,6 +12,8 @@ _TENTH = 10
 _LEAST, _WORSE = 1e-3, 1.1
 # A paint that the film may hold is named from this share on.
 _NAMED = 0.001
+# Below this share a paint that may be there is a trace, and its share is not said.
+_TRACE = 0.01
 # Share of the first's probability at which a film under another condition counts.
 _RIVAL = 0.1
 
@@ -41,8 +43,15 @@ def doubtful(found: Identification, row: int, least: float = 0.05, most: float =
 
 def held(found: Identification, row: int) -> str:
     """What the film may hold beside the paints of the first candidate, in words; empty if nothing is known of that."""
-    parts = [f"up to {percent(most)} {paint}" for paint, most in may_hold(found, row).items()]
-    return f"It may also hold {', or '.join(parts)}." if parts else ""
+    shares = sorted(may_hold(found, row).items(), key=lambda pair: -pair[1])
+    parts = [f"{percent(most)} {paint}" for paint, most in shares if most >= _TRACE]
+    traces = [paint for paint, most in shares if most < _TRACE]
+    said = []
+    if parts:
+        said.append(f"{', one of them at a time,' if len(parts) > 1 else ''} up to {' or '.join(parts)}")
+    if traces:
+        said.append(f" traces (below {percent(_TRACE)}) of {' or '.join(traces)}")
+    return f"It may also hold{', or'.join(said)}." if said else ""
 
 
 def may_hold(found: Identification, row: int) -> dict[str, float]:

@@ -9,6 +9,9 @@ import numpy as np
 from .report import chance, micrometres
 from .result import percent
 
+# Lengths in um beyond which an interval says no more: far below a grain of pigment, and the thickest film there is.
+_LEAST_UM, _MOST_UM = 0.001, 1e4
+
 
 def chance_html(probability: float) -> str:
     """A probability."""
@@ -24,7 +27,7 @@ def share_html(fraction: float, ends: Sequence[float]) -> str:
     """A fraction and its interval."""
     if fraction == 1:
         return words_html("100 %")
-    return f"{words_html(percent(fraction))} {_range([percent(end)[:-2] for end in ends])}"
+    return f"{words_html(percent(fraction))} {_range([escape(percent(end)[:-2]) for end in ends])}"
 
 
 def number_html(value: float | None, digits: int) -> str:
@@ -41,6 +44,8 @@ def length_html(value: float | None, ends: Sequence[float] | None = None) -> str
 
 
 def _micrometres(value: float) -> str:
+    if value < _LEAST_UM or value > _MOST_UM:
+        return f"&lt; {_LEAST_UM:g}" if value < _LEAST_UM else f"&gt; {_MOST_UM:g}"
     if value >= 0.095:
         return micrometres(value * 1e-6)
     return np.format_float_positional(value, precision=1, fractional=False, trim="-")

@@ -90,10 +90,16 @@ class Candidate:
         return " over ".join(f"({side})" if " + " in side else side for side in sides)
 
 
+# Chance of 'none of these' from which the one sentence on a spectrum says it.
+_DOUBTFUL = 0.1
+
+
 def percent(fraction: float) -> str:
     """A fraction with as many digits as a small part needs."""
     value = 100 * float(fraction)
     rest = min(value, 100 - value)  # what the digits must show
+    if rest < 0.005:
+        return "100 %" if value > 50 else "< 0.01 %" if value > 0 else "0 %"
     digits = 0 if rest >= 9.5 else 1 if rest >= 0.95 else 2
     return f"{value:.{digits}f} %"
 
@@ -338,6 +344,7 @@ class Identification:
             return f"{name}: {self.unexplained(row)}"
         best, (_, chance) = self.ranked(row, 1)[0], self.families(row)[0]
         more = f"; these pigments {chance:.0%}" if chance > best.probability + 0.05 else ""
+        more += f"; none of these paints {self.none[row]:.0%}" if self.none[row] >= _DOUBTFUL else ""
         return f"{name}: {best.words} (probability {best.probability:.0%}{more})"
 
     def unexplained(self, row: int) -> str:

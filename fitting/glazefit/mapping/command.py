@@ -266,7 +266,7 @@ def _check_outputs(
         require("matplotlib")
         if report.resolve() == out.resolve():
             raise ValueError(f"--report and --out are both {out}: give them different names")
-        options.check_folder(report, overwrite)
+        options.check_folder(report, overwrite, argument="--report")
 
 
 def _example(out: Path, console: "Console") -> dict[str, Any]:
@@ -279,7 +279,7 @@ def _example(out: Path, console: "Console") -> dict[str, Any]:
     if not header.exists():
         with progress.doing("making a painting"):
             write_painting(folder, made)
-        console.print(f"Made a painting of {made.shape[0]} x {made.shape[1]} pixels: {header}")
+        console.print(f"Made a painting of {made.shape[1]} x {made.shape[0]} pixels: {header}")
     return {"cube": header, "ground": folder / "ground.csv", "without": ",".join(paint.name for paint in made.foreign)}
 
 

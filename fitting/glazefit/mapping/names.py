@@ -30,8 +30,10 @@ def set_names(found: "xarray.Dataset") -> "xarray.DataArray":
         ValueError: it lacks `members` or `paint`, and so is no map.
 
     Example:
-        >>> names = set_names(open_map("panel.zarr"))  # doctest: +SKIP
-        >>> names.where(found.explained > 0, "none of these").to_series().value_counts()  # doctest: +SKIP
+        >>> import xarray
+        >>> members = ("x", "place"), [[1, 0, -1], [-1, -1, -1]]
+        >>> set_names(xarray.Dataset({"members": members}, {"paint": ["ZincWhite", "Eosin"]})).values.tolist()
+        ['ZincWhite + Eosin', '']
     """
     import xarray
 

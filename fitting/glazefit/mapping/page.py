@@ -178,7 +178,7 @@ def _head(look: Overview, about: About) -> str:
         size += f", {look.pixel_area * 1e6:.3g} mm² each"
     if look.step > 1:
         size += f"; pictures show every {look.step} x {look.step} pixels as one, the map itself has all"
-    facts = {"Made": about.created, "Size": size.replace(" x ", " × "), **about.facts}
+    facts = {"Made": about.created.replace("T", ", "), "Size": size.replace(" x ", " × "), **about.facts}
     if about.notes:
         facts["Noticed"] = " ".join(about.notes)
     return f"<dl>{_pairs(facts)}</dl>\n"

@@ -52,7 +52,7 @@ def print_map(dataset: "xarray.Dataset", sets: Mapping[Members, SetSum], console
     mapped = counts.get(Status.MAPPED, 0)
     lines, samples = dataset.sizes["y"], dataset.sizes["x"]
     others = [f"{count:,} {STATUS_WORDS[status]}" for status, count in counts.items() if status is not Status.MAPPED]
-    console.print(f"[bold]{lines} x {samples} pixels: {'; '.join([f'{mapped:,} mapped', *others])}.[/bold]")
+    console.print(f"[bold]{samples} x {lines} pixels: {'; '.join([f'{mapped:,} mapped', *others])}.[/bold]")
     if not mapped:
         return
     paints = [str(name) for name in dataset["paint"].values]

@@ -30,7 +30,8 @@ def recipe(
         str | None, typer.Option(metavar="L,A,B", help="Colour L*,a*,b*, such as 50,20,30.", show_default=False)
     ] = None,
     srgb: Annotated[
-        str | None, typer.Option(metavar="HEX", help="Colour of a screen, such as '#8a4b2d'.", show_default=False)
+        str | None,
+        typer.Option(metavar="COLOUR", help="Colour of a screen, such as '#8a4b2d' or 138,75,45.", show_default=False),
     ] = None,
     spectrum: Annotated[
         Path | None,

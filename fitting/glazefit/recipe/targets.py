@@ -105,18 +105,25 @@ def _checked(values: Any) -> Float[np.ndarray, "3"]:
 
 
 def srgb_target(code: str, name: str | None = None) -> Target:
-    """A colour of a screen, such as ``#8a4b2d``, as L*a*b* under D65.
+    """A colour of a screen, such as ``#8a4b2d`` or ``138,75,45``, as L*a*b* under D65.
 
     Args:
         code: three or six hexadecimal digits, with or without ``#``; for numbers see `glazejax.colour.srgb_to_lab`.
         name: what to call it; the code if left out.
 
     Raises:
-        ValueError: not three or six hexadecimal digits.
+        ValueError: neither three or six hexadecimal digits nor three whole numbers from 0 to 255.
     """
     digits = code.strip().removeprefix("#")
+    if "," in digits:
+        parts = [part.strip() for part in digits.split(",")]
+        if len(parts) != 3 or not all(re.fullmatch(r"\d{1,3}", part) and int(part) <= 255 for part in parts):
+            raise ValueError(
+                f"{code!r} is no sRGB colour: write red, green and blue from 0 to 255, such as 138,75,45, or '#8a4b2d'"
+            )
+        digits = "".join(f"{int(part):02x}" for part in parts)
     if not re.fullmatch(r"[0-9a-fA-F]{3}|[0-9a-fA-F]{6}", digits):
-        raise ValueError(f"{code!r} is no sRGB colour: write six hexadecimal digits, such as '#8a4b2d'")
+        raise ValueError(f"{code!r} is no sRGB colour: write six hexadecimal digits, such as '#8a4b2d', or 138,75,45")
     if len(digits) == 3:
         digits = "".join(2 * digit for digit in digits)
     encoded = np.array([int(digits[i : i + 2], 16) for i in (0, 2, 4)]) / 255.0

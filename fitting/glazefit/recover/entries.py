@@ -69,7 +69,9 @@ def add_paints(recovery: JointRecovery, path: str | Path, *, overwrite: bool = F
     """Add the paints of a joint fit to your own file of paints, as ``glazejax recover --into`` does.
 
     `glazejax.catalogue.read` reads the file, and ``--pigments`` of the commands. It is written whole or not at all.
-    Known paints that it lacks go into it too: the errors of the new ones depend on theirs.
+    Known paints that it lacks go into it too: the errors of the new ones depend on theirs. `read_loose_films` and
+    `named_recipes` read what the command reads, and `recover_jointly` fits it with
+    ``known={"ZincWhite": glazejax.catalogue.pigment("ZincWhite")}``, or what else the white of the tints is.
 
     Args:
         recovery: of `recover_jointly`. k and s are in 1/m if its `unit` is the thickness of a typical film.
@@ -83,13 +85,6 @@ def add_paints(recovery: JointRecovery, path: str | Path, *, overwrite: bool = F
         ValueError: the file has a paint of that name, or another paint by the name of one that the fit was told, or it
             is no table of paints.
         FileNotFoundError, IsADirectoryError: there is no such folder, or the path is one.
-
-    Example:
-        >>> films = read_loose_films("blue.csv")  # doctest: +SKIP
-        >>> white = glazejax.catalogue.pigment("ZincWhite")  # doctest: +SKIP
-        >>> found = recover_jointly(films, named_recipes(films.names), known={"ZincWhite": white})  # doctest: +SKIP
-        >>> add_paints(found, "mine.csv")  # doctest: +SKIP
-        ('Ultramarine', 'ZincWhite')
     """
     file = PaintFile.open(path)
     for name in recovery.known:

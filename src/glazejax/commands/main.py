@@ -8,7 +8,7 @@ import gc
 import logging
 import sys
 from importlib.metadata import entry_points, version
-from typing import TYPE_CHECKING, Annotated, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn
 
 from ..extras import advice
 from .cache import keep_programs
@@ -47,9 +47,30 @@ def make_app() -> "typer.Typer":
         ModuleNotFoundError: typer is not installed.
     """
     import typer
+    import typer.core
 
-    app = typer.Typer(
+    # Some versions of typer write <bool> beside a flag, as if it took a value.
+    def without_bool(params: list[Any]) -> list[Any]:
+        for param in params:
+            if getattr(param, "is_flag", False) and param.metavar is None:
+                param.metavar = ""
+        return params
+
+    class Command(typer.core.TyperCommand):
+        def get_params(self, ctx: Any) -> list[Any]:
+            return without_bool(super().get_params(ctx))
+
+    class Group(typer.core.TyperGroup):
+        def get_params(self, ctx: Any) -> list[Any]:
+            return without_bool(super().get_params(ctx))
+
+    class App(typer.Typer):
+        def command(self, name: str | None = None, **settings: Any) -> Any:
+            return super().command(name, cls=Command, **settings)
+
+    app = App(
         name="glazejax",
+        cls=Group,
         help="Colour of stacked paint glazes: from pigments to reflectance, and back.",
         no_args_is_help=True,
         add_completion=False,

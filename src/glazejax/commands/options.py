@@ -275,7 +275,7 @@ def read_ground(text: str, argument: str = "--ground", *, bare: bool = False) ->
         pass
     else:
         if not 0 <= level <= 1:
-            hint = f" ({level:g} looks like percent: write {level / 100:g})" if 1 < level <= 100 else ""
+            hint = f" ({level:g} looks like percent: write {level / 100:g})" if 2 <= level <= 100 else ""
             raise ValueError(f"{argument} is {text}; reflectance lies between 0 and 1{hint}")
         return Ground(None, level, f"reflectance {level:g}")
     path, _ = split_sample(text)
@@ -331,10 +331,11 @@ def choose_rows(file: Path, names: Sequence[str], wanted: Sequence[str], argumen
     Raises:
         ValueError: the file has no spectrum of that name.
     """
+    from ..io.spectra_table import there_are
+
     for name in wanted:
         if name not in names:
-            some = ", ".join(names[:6]) + (", ..." if len(names) > 6 else "")
-            raise ValueError(f"{argument}: {file} holds no spectrum {name!r}; there are {some}")
+            raise ValueError(f"{argument}: {file} holds no spectrum {name!r}; {there_are(name, names)}")
     return [names.index(name) for name in wanted] or list(range(len(names)))
 
 
@@ -374,22 +375,28 @@ def check_outputs(
             raise ValueError(f"{option} is {path}, a file that is read: give the result another name")
         if option in pictures:
             require("matplotlib")
-            check_picture(path, overwrite=overwrite)
+            check_picture(path, overwrite=overwrite, argument=option)
         else:
             check_output(path, overwrite=overwrite, argument=option)
 
 
-def check_folder(out: Path | None, overwrite: bool, *, instead: str = "") -> Path:
-    """The folder for the results, if they may be written there; ``instead`` says what else is possible.
+def check_folder(out: Path | None, overwrite: bool, *, instead: str = "", argument: str = "--out") -> Path:
+    """The folder for the results, if they may be written there.
+
+    Args:
+        out: the folder.
+        overwrite: whether it may hold something.
+        instead: what else is possible.
+        argument: what the folder was given as.
 
     Raises:
         ValueError: no folder was named.
         FileExistsError: it is a file, or a folder that is not empty.
     """
     if out is None:
-        raise ValueError("say where the results go: --out FOLDER")
+        raise ValueError(f"say where the results go: {argument} FOLDER")
     if out.exists() and not out.is_dir():
-        raise FileExistsError(f"--out {out} is a file; name a folder")
+        raise FileExistsError(f"{argument} {out} is a file; name a folder")
     if out.is_dir() and any(out.iterdir()) and not overwrite:
         raise FileExistsError(f"the folder {out} exists and is not empty; choose another{instead}, or add --overwrite")
     return out

@@ -152,7 +152,9 @@ def _to_fractions(
         )
     if lows[darkest] < 0:
         count = sum(int((values[i] < 0).sum()) for i in np.flatnonzero(lows < 0))
-        notes.append(f"{count} values slightly below 0 (noise, down to {lows[darkest]:.2g}) became 0")
+        notes.append(
+            f"{count} value{'s' if count != 1 else ''} slightly below 0 (noise, down to {lows[darkest]:.2g}) became 0"
+        )
         np.maximum(values, 0.0, out=values)
     worst = int(peaks.argmax())
     if peaks[worst] > raw.highest:

@@ -28,7 +28,8 @@ def resample(table: SpectraTable, wavelengths: Grid) -> SpectraTable:
     interpolation_matrix(old, new)  # refuses what lies outside, by one rule for all
     inside = np.clip(new, old[0], old[-1])
     values, how = _interpolate(old, table.reflectance, inside)
-    values = np.clip(values, 0.0, table.reflectance.max(axis=1, keepdims=True))
+    # Sums of products end in digits that mean nothing.
+    values = np.clip(np.round(values, 12), 0.0, table.reflectance.max(axis=1, keepdims=True))
     notes = [*table.notes, f"resampled from {describe_grid(old)} to {describe_grid(new)} by {how}"]
     if new.size > 1 and old.size > 1 and np.diff(new).min() > 2 * np.median(np.diff(old)):
         notes.append("the new step is much wider than the old one: bands were picked, not averaged")

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from .read import read_spectra
 from .source import is_there
-from .spectra_table import SpectraTable
+from .spectra_table import SpectraTable, there_are
 
 
 def split_sample(text: str, folder: str | Path = "") -> tuple[Path, str]:
@@ -49,7 +49,7 @@ def read_sample(text: str, *, folder: str | Path = "", argument: str = "") -> Sp
             f"(there are {some})"
         )
     if sample and sample not in table.names:
-        raise ValueError(f"{lead}{path} holds no spectrum {sample!r}; there are {some}")
+        raise ValueError(f"{lead}{path} holds no spectrum {sample!r}; {there_are(sample, table.names)}")
     row = table.names.index(sample) if sample else 0
     return replace(
         table,

@@ -15,6 +15,19 @@ _JCAMP = re.compile(r"##\s*(TITLE|JCAMP-?DX)\s*=", re.IGNORECASE)
 _XML = re.compile(r"\A\s*<[?!A-Za-z]")
 # A table may begin with a title such as [nm].
 _JSON = re.compile(r"\A\s*(\[\s*[\[{\]]|\{\s*[\"}])")
+# How files begin that are no spectra, and what they are.
+_OTHERS = {
+    b"PK\x03\x04": "an Excel workbook or another zip archive; export the table as UTF-8 CSV",
+    b"\xd0\xcf\x11\xe0": "an old Excel workbook or another Office file; export the table as UTF-8 CSV",
+    b"\x89PNG": "a picture (PNG), which holds no spectra; name a table of spectra",
+    b"\xff\xd8\xff": "a picture (JPEG), which holds no spectra; name a table of spectra",
+    b"GIF8": "a picture (GIF), which holds no spectra; name a table of spectra",
+    b"II*\0": "a TIFF; glazejax map reads TIFFs of spectra",
+    b"MM\0*": "a TIFF; glazejax map reads TIFFs of spectra",
+    b"\x89HDF": "an HDF5 or NetCDF file; glazejax map reads images of spectra in it",
+    b"%PDF": "a PDF; export the table in it as UTF-8 CSV",
+    b"\x1f\x8b": "a gzip archive; unpack it first",
+}
 _ASD = (b"ASD", b"as2", b"as3", b"as4", b"as5", b"as6", b"as7", b"as8")
 
 
@@ -22,11 +35,13 @@ def identify(source: Source) -> Kind:
     """Format of a file; ``table`` if its content tells none.
 
     Raises:
-        ValueError: it is a zip archive such as an Excel workbook.
+        ValueError: it is a workbook, a picture, an archive or a PDF.
     """
     head = source.head
-    if head.startswith(b"PK\x03\x04"):
-        raise source.error("an Excel workbook or another zip archive; export the table as UTF-8 CSV")
+    for start, words in _OTHERS.items():
+        # The data of an ENVI image may begin with any bytes.
+        if head.startswith(start) and not header_beside(source.path):
+            raise source.error(words)
     if b"\0" in head:
         if head.startswith(_ASD):
             return "asd"

@@ -7,6 +7,7 @@ that is too long, a failing disk) is one sentence that names it.
 
 import codecs
 import os
+import re
 import select
 import stat
 import time
@@ -31,6 +32,8 @@ SILENCE = 60.0
 _LONGEST = 600
 
 _BREAKS = tuple("\n\x0b\x0c\x1c\x1d\x1e\x85\u2028\u2029")
+# What no text of one byte a letter holds: all control characters but tab and line breaks, and Windows-1252's gaps.
+_CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f\x81\x8d\x8f\x90\x9d]")
 _WORDS = (b" ", b",", b"\t", b"\n", b"[", b"{", b"<", b";")
 
 
@@ -41,6 +44,7 @@ class Source:
         path: its name, for errors and for files beside it.
         size: bytes, or None for a pipe.
         head: its first 65536 bytes, or all if there are fewer; they are still part of the content.
+        notes: what was noticed while its lines were read.
     """
 
     def __init__(self, path: Path, descriptor: int, size: int | None, progress: Progress | None = None):
@@ -54,6 +58,7 @@ class Source:
         while len(head) < HEAD and (piece := self._read(HEAD - len(head))):
             head += piece
         self.head: bytes = bytes(head)
+        self.notes: list[str] = []
 
     def pieces(self) -> Iterator[bytes]:
         """The content, piece by piece."""
@@ -108,13 +113,20 @@ class Source:
     def lines(self, *, damaged: str = "strict") -> Iterator[tuple[int, str]]:
         """Lines and their numbers, from 1 on, without line breaks; read while they are asked for.
 
+        A text whose head is not UTF-8 and that has no control characters is Windows-1252, as spreadsheets of Western
+        Europe save it; `notes` says so.
+
         Args:
-            damaged: what to do with what is not UTF-8: ``strict`` refuses it, ``replace`` puts U+FFFD.
+            damaged: what to do with what is not UTF-8 further down: ``strict`` refuses it, ``replace`` puts U+FFFD.
 
         Raises:
             ValueError: not UTF-8 text, or a line of more than 4 MB.
         """
-        decoder = codecs.getincrementaldecoder("utf-8")(damaged)
+        encoding = "utf-8"
+        if damaged == "strict" and self._is_old_text():
+            encoding, damaged = "cp1252", "replace"
+            self.notes.append("not UTF-8: read as Windows-1252 (Latin-1), as spreadsheets save it")
+        decoder = codecs.getincrementaldecoder(encoding)(damaged)
         number, rest, done = 0, "", 0
         for piece in self.pieces():
             if done == 0:
@@ -148,6 +160,15 @@ class Source:
     def error(self, complaint: object, line: int | None = None) -> ValueError:
         """What is wrong with the file, and on which line."""
         return refusal(self.path, complaint, line)
+
+    def _is_old_text(self) -> bool:
+        """Whether the head is text of one byte a letter, and not UTF-8."""
+        try:
+            # A letter of several bytes may be cut at the end.
+            codecs.getincrementaldecoder("utf-8")().decode(self.head)
+        except UnicodeDecodeError:
+            return not _CONTROL.search(self.head)
+        return False
 
     def _not_text(self, byte: int) -> ValueError:
         return self.error(f"not UTF-8 text (byte {byte}); export the table as UTF-8 CSV")

@@ -180,9 +180,10 @@ def _format_csv(table: SpectraTable, path: Path, long: bool) -> Iterator[bytes]:
     """
     if long and any(re.fullmatch(r"[\d.,\s]*(nm)?", name) for name in table.names):
         raise ValueError(f"{path}: names that are numbers would be read as wavelengths; write the wide layout")
+    grid = [int(nm) if nm.is_integer() else nm for nm in table.wavelengths.tolist()]
     values = table.reflectance.T if long else table.reflectance
-    header = ["wavelength_nm", *table.names] if long else ["Name", *table.wavelengths.tolist()]
-    first: Sequence[object] = table.wavelengths.tolist() if long else table.names
+    header = ["wavelength_nm", *table.names] if long else ["Name", *grid]
+    first: Sequence[object] = grid if long else table.names
 
     def pieces() -> Iterator[bytes]:
         text = io.StringIO()

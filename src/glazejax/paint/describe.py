@@ -75,6 +75,8 @@ def parse_layers(text: str) -> tuple[Coat, ...]:
     Raises:
         ValueError: text that does not read as above; the message quotes the entry and says what to write.
     """
+    if ";" in text:
+        raise ValueError(f"there is a semicolon in {text!r}: coats are separated by commas, {_EXAMPLE}")
     if not text.strip():
         raise ValueError(f"the list of layers is empty: write coats from top to bottom, {_EXAMPLE}")
     return tuple(_coat(entry.strip(), text) for entry in text.split(","))
@@ -152,6 +154,9 @@ def _parts(entry: str, paint: str) -> tuple[tuple[float, str], ...]:
     return tuple(parts)
 
 
+ALL_NAMES = "`glazejax render --list` shows all names"
+
+
 def find_name(name: str, names: Iterable[str]) -> str:
     """The one of `names` that is meant; case, blanks, hyphens and underscores do not matter.
 
@@ -168,7 +173,7 @@ def find_name(name: str, names: Iterable[str]) -> str:
         return known[key]
     near = [full for plain, full in known.items() if len(key) > 2 and (key in plain or plain in key)][:4]
     near = near or [known[k] for k in difflib.get_close_matches(key, known, n=4, cutoff=0.6)]
-    choice = f"the nearest are {', '.join(near)}" if near else "--list shows all names"
+    choice = f"the nearest {'is' if len(near) == 1 else 'are'} {', '.join(near)}" if near else ALL_NAMES
     raise ValueError(f"there is no pigment {name!r}: {choice}")
 
 

@@ -1,6 +1,8 @@
 """The command `glazejax studio`: a local page where stacks of paint are played with."""
 
 import contextlib
+import os
+import sys
 from pathlib import Path
 from typing import Annotated
 
@@ -48,7 +50,7 @@ def _fragment(path: Path) -> str:
 
 
 def serve(port: int, fragment: str, *, open_browser: bool) -> None:
-    """Start the server, say where it is, and serve until Ctrl-C."""
+    """Start the server, say where it is, and serve until Ctrl-C; then the process ends."""
     from .server import Studio
 
     try:
@@ -65,3 +67,7 @@ def serve(port: int, fragment: str, *, open_browser: bool) -> None:
     with contextlib.suppress(KeyboardInterrupt):
         server.run()
     typer.echo("The studio is closed. What you made lives on in its link, and in what you saved.")
+    # A thread may still be compiling for a page, and Python's own end under it is a crash.
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(0)

@@ -55,7 +55,7 @@ def read_coats(text: str, refractive_index: float | None = None) -> Glaze:
     try:
         glaze = stack.glaze()
     except ValueError as error:
-        raise ValueError(f"coats: {str(error).replace('--list shows', '`glazejax render --list` shows')}") from None
+        raise ValueError(f"coats: {error}") from None
     index = stack.refractive_index if refractive_index is None else refractive_index
     return on_even_grid(Glaze(glaze.layers, glaze.substrate, index))
 

@@ -98,7 +98,7 @@ class CubeSource:
             scale, unit, told = unit_of(
                 0.0 if level is None else level / (declared or 1.0),
                 declared,
-                "give the scale (10000, say), or a white reference",
+                "give the scale (scale=10000, --scale 10000), or a white reference",
             )
         except ValueError as error:
             raise refusal(raw.path, error) from None
@@ -168,7 +168,8 @@ def _stored_wavelengths(
     if given is None:
         if raw.wavelengths is None:
             raise refusal(
-                raw.path, f"no wavelengths for {count} bands; give them (a list, or a text file of numbers, nm)"
+                raw.path,
+                f"no wavelengths for {count} bands; give them (wavelengths=, --wavelengths: a list, or a file of nm)",
             )
         return raw.wavelengths
     if given.size != count:

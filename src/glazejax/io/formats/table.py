@@ -12,10 +12,16 @@ import numpy as np
 from jaxtyping import Float
 
 from ...spectra import validate_wavelengths
-from ..finish import RawSpectra, nanometres
+from ..finish import MAX_NOISE, RawSpectra, nanometres
 from ..source import Source
 
-_WAVELENGTH_TITLE = re.compile(r"^(wave\s*length|wl\b|wvl?\b|lambda|λ|nm\b|\[?nm\]?$)", re.IGNORECASE)
+# In the languages whose spreadsheets write such tables, too.
+_WAVELENGTH_TITLE = re.compile(
+    r"^(wave\s*length|wl\b|wvl?\b|lambda|λ|nm\b|\[?nm\]?$|wellenl(ä|ae?)nge|longueurs? d.onde|lunghezz[ae] d.onda|"
+    r"longitud(es)? de onda|comprimentos? de onda|golflengte|v(å|aa?)gl(ä|ae?)ngd|bølgel(æ|ae)ngde|długość fali)",
+    re.IGNORECASE,
+)
+_WAVENUMBER_TITLE = re.compile(r"^(wave\s*numbers?|wellenzahl|nombres? d.onde|\W*(1/cm|cm\^?[-⁻][1¹]))", re.IGNORECASE)
 _VALUE_TITLE = re.compile(r"^(reflectance|refl\b|r\b|%r\b|value|intensity)", re.IGNORECASE)
 _NAME_TITLE = re.compile(r"^(name|sample|id\b|paint|pigment|patch|label|spectrum)", re.IGNORECASE)
 _UNIT = re.compile(r"#\s*unit:?\s*(fraction|percent)\s*$", re.IGNORECASE)
@@ -48,7 +54,11 @@ class _Cells:
         while len(row) > len(self.header) and not row[-1]:
             row.pop()
         if len(row) != len(self.header):
-            raise self.error(line, f"{len(row)} cells where the header has {len(self.header)}")
+            count = f"{len(row)} cell{'s' if len(row) != 1 else ''}"
+            # 12,5 is two cells where commas separate.
+            decimal = self.delimiter == "," and len(row) > len(self.header) and re.search(r"\d,\d", text)
+            hint = "; if commas are decimal points, separate the cells by semicolons or tabs" if decimal else ""
+            raise self.error(line, f"{count} where the header has {len(self.header)}{hint}")
         return row
 
     def quick(self, text: str) -> tuple[str, array] | None:
@@ -86,7 +96,7 @@ def read_table(source: Source) -> RawSpectra:
 
     Raises:
         ValueError: the file is empty, not text, has no wavelengths in its header, wavelengths that do not
-            ascend, a ragged row, a cell that is not a finite number, a negative value, or two samples of one
+            ascend, a ragged row, a cell that is not a finite number, a value below -0.01, or two samples of one
             name; or it holds more than 268 million values. The message is one line and says where.
     """
     cells, scale = _read_header(source)
@@ -103,7 +113,7 @@ def read_table(source: Source) -> RawSpectra:
         names, wavelengths, values = _read_wide(cells, first)
         layout = "a sample a row"
     kind = f"{_KINDS[cells.delimiter]} table, {layout}"
-    return RawSpectra(wavelengths, names, values, kind, scale=scale, by_hand=True)
+    return RawSpectra(wavelengths, names, values, kind, source.notes, scale=scale, by_hand=True)
 
 
 def _read_header(source: Source) -> tuple[_Cells, float | None]:
@@ -184,7 +194,9 @@ def _is_long(cells: _Cells, first: tuple[int, str]) -> bool:
     titles = [_wavelength(cell, cells.delimiter) for cell in cells.header[1:]]
     numeric = [value for value in titles if value is not None]
     if len(numeric) == len(titles) and _number(cells.header[0], cells.delimiter) is not None:
-        raise cells.error(cells.header_line, f"numbers only, where a header should be; {_LAYOUTS}")
+        raise cells.error(
+            cells.header_line, f"numbers only, where a header should be; put one above, such as 'nm,name'; {_LAYOUTS}"
+        )
     leading = _wavelength(cells.split(*first)[0], cells.delimiter)
     titled = bool(_WAVELENGTH_TITLE.match(cells.header[0])) and leading is not None
     # Samples may be numbered 1, 2, 3; a wavelength in nm has three digits at least.
@@ -192,6 +204,10 @@ def _is_long(cells: _Cells, first: tuple[int, str]) -> bool:
         return False
     if titled and titles:
         return True
+    if _WAVENUMBER_TITLE.match(cells.header[0]):
+        raise cells.error(
+            cells.header_line, f"{cells.header[0]!r} are wavenumbers; write wavelengths in nm, which are 1e7 / (1/cm)"
+        )
     raise cells.error(cells.header_line, f"no wavelengths in the header; {_LAYOUTS}")
 
 
@@ -207,10 +223,16 @@ def _value(cells: _Cells, line: int, name: str, column: str, cell: str) -> float
     """Reflectance in a cell, or an error that says where."""
     value = _number(cell, cells.delimiter)
     if value is None:
-        problem = "the cell is empty" if not cell else f"{cell!r} is not a finite number"
+        problem = (
+            "the cell is empty; fill it, or leave its wavelength or sample out"
+            if not cell
+            else f"{cell!r} is not a finite number"
+        )
         raise cells.error(line, f"sample {name!r}, column {column!r}: {problem}")
-    if value < 0:
-        raise cells.error(line, f"sample {name!r}, column {column!r}: reflectance {cell} is negative")
+    if value < -MAX_NOISE:
+        raise cells.error(
+            line, f"sample {name!r}, column {column!r}: reflectance {cell} is negative; if that is noise, write 0"
+        )
     return value
 
 

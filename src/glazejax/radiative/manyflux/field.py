@@ -60,6 +60,8 @@ def manyflux_field(
 ) -> Field:
     """Field of one stack.
 
+    Args that are not listed are those of `manyflux_reflectance_factor`, for one stack.
+
     Args:
         depth: optical depths below the surface, (depths,), from 0 to the whole thickness. Where layers have different
             indices they must be known, and a depth between two layers is in the lower one.
@@ -67,7 +69,6 @@ def manyflux_field(
             upwards alike.
         azimuth: degrees, (azimuths,), 0 on the beam's side.
         cos_incidence: in air, ().
-        The others as for `manyflux.manyflux_reflectance_factor`, for one stack.
 
     Returns:
         `Field`.

@@ -32,12 +32,13 @@ def free_factor(
 ) -> Float[Array, "*batch"]:
     """Reflectance or transmittance factor pi L_out/E_in of scattered light.
 
+    Args that are not listed are those of `manyflux_reflectance_factor`.
+
     Args:
         transmitted: whether the light is seen from below, else from above.
         index_below: refractive index of what lies below, at least 1 and at most that of every layer.
         cos_viewing: in the medium of the eye: in air, or below where ``transmitted``.
         azimuth: degrees between the horizontal directions of travel; 0 is straight on.
-        The others as for `manyflux.manyflux_reflectance_factor`.
 
     Returns:
         Factor, shape of the broadcast batch. Light that goes straight through or is mirrored by a surface goes in one

@@ -2,7 +2,7 @@
 
 The surface is a dielectric of GGX facets, `roughness` its alpha as that of Mitsuba's `roughdielectric` (the square of
 OpenPBR's and Disney's roughness); zero is the smooth surface. What one facet after the other would do to the light that
-a single facet loses is modelled by a compensation that is lossless and reciprocal on both sides (see `surface`).
+a single facet loses is modelled by a compensation that is lossless and reciprocal on both sides (see `surface`)::
 
     from glazejax.radiative import rough
     rough.rough_reflectance_factor(albedo, thickness, ground, roughness=0.2, cos_incidence=0.7)  # the paint

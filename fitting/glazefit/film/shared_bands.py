@@ -1,0 +1,69 @@
+"""The bands of a measurement that paints are known at: cut to their range, and averaged where finer than it helps."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from jaxtyping import Float
+
+from glazejax import Pigment
+from glazejax.spectra import describe_grid
+
+FINEST = 5.0
+"""Step in nm to which finer spectra are averaged: k and s of paint change little over it."""
+_FEWEST = 6
+
+
+class SharedBands(NamedTuple):
+    """Bands on which spectra and paints meet.
+
+    Attributes:
+        wavelengths: (new,), nm, ascending; means over the bands that were averaged.
+        mean: from the spectra's bands to these: ``spectra @ mean``.
+        notes: sentences on what was changed; empty if nothing was.
+    """
+
+    wavelengths: Float[np.ndarray, "new"]
+    mean: Float[np.ndarray, "bands new"]
+    notes: tuple[str, ...]
+
+
+def shared_bands(
+    wavelengths: Float[np.ndarray, "bands"], pigments: Sequence[Pigment], *, step: float = FINEST
+) -> SharedBands:
+    """Bands of spectra that all pigments are known at, averaged to steps where they are finer.
+
+    Args:
+        wavelengths: of the spectra, nm, ascending.
+        pigments: of the catalogue, on any grids.
+        step: nm.
+
+    Raises:
+        ValueError: fewer than six bands are left.
+    """
+    grids = [np.asarray(pigment.wavelengths, float) for pigment in pigments]
+    first, last = max(grid[0] for grid in grids), min(grid[-1] for grid in grids)
+    kept = (wavelengths >= first - 1e-6) & (wavelengths <= last + 1e-6)
+    if kept.sum() < _FEWEST:
+        raise ValueError(
+            f"the spectra have {describe_grid(wavelengths)} and the paints are known from {first:g} to {last:g} nm: "
+            f"{kept.sum()} bands lie there, at least {_FEWEST} are needed; measure there, or use paints that are known "
+            "at your wavelengths (--pigments, --catalogue)"
+        )
+    mean, notes = np.eye(wavelengths.size)[:, kept], []
+    grid = wavelengths[kept]
+    if not kept.all():
+        notes.append(f"cropped to {describe_grid(grid)}: the paints are known there only")
+    if (coarser := means_of_steps(grid, step)) is not None:
+        notes.append(f"{grid.size} bands averaged to steps of {step:g} nm")
+        mean = mean @ coarser
+    return SharedBands(wavelengths @ mean, mean, tuple(notes))
+
+
+def means_of_steps(grid: Float[np.ndarray, "bands"], step: float) -> Float[np.ndarray, "bands new"] | None:
+    """Matrix that averages bands to steps, nm; None if they are no finer than that."""
+    if grid.size < 3 or np.median(np.diff(grid)) >= 0.99 * step:
+        return None
+    _, place = np.unique(np.floor(grid / step + 0.5), return_inverse=True)
+    matrix = (place[:, None] == np.arange(place.max() + 1)).astype(float)
+    return matrix / matrix.sum(axis=0)

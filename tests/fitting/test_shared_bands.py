@@ -1,0 +1,36 @@
+"""Spectra wider or finer than the paints are known: cut and averaged with a word, or refused with one."""
+
+import numpy as np
+import pytest
+
+from glazefit.film.shared_bands import shared_bands
+from glazejax import catalogue
+
+PAINTS = list(catalogue.load().values())
+
+
+def test_a_spectrum_from_the_ultraviolet_to_the_infrared_is_cut_and_averaged():
+    grid = np.arange(360.0, 1000.5, 1.0)
+    bands = shared_bands(grid, PAINTS)
+    assert bands.notes == (
+        "cropped to 400-700 nm step 1 (301 bands): the paints are known there only",
+        "301 bands averaged to steps of 5 nm",
+    )
+    assert bands.wavelengths[0] >= 400
+    assert bands.wavelengths[-1] <= 700
+    np.testing.assert_allclose(np.diff(bands.wavelengths)[1:-1], 5.0)
+    # Means: a straight line stays one.
+    np.testing.assert_allclose((0.1 + grid / 2000) @ bands.mean, 0.1 + bands.wavelengths / 2000)
+
+
+def test_bands_that_fit_stay_as_they_are():
+    grid = np.arange(420.0, 651.0, 10.0)
+    bands = shared_bands(grid, PAINTS)
+    assert bands.notes == ()
+    np.testing.assert_array_equal(bands.wavelengths, grid)
+    np.testing.assert_array_equal(bands.mean, np.eye(grid.size))
+
+
+def test_paints_and_spectra_that_do_not_meet():
+    with pytest.raises(ValueError, match=r"720-1000 nm .* known from 400 to 700 nm: 0 bands lie there, at least 6"):
+        shared_bands(np.arange(720.0, 1001.0, 10.0), PAINTS)
