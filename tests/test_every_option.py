@@ -164,7 +164,7 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--coat": Reaches("--coat", lambda g: g["coat"], True),
         "--thickness-map": Reaches("--thickness-map three.npy", lambda g: g["thickness"].shape, (1, 3), base=TEXTURES),
         "--thickness-range": Reaches("--thickness-range 0-20um", lambda g: float(g["thickness"].max()),
-                                     pytest.approx(8e-6), base=TEXTURES),
+                                     pytest.approx(8e-6), base=TEXTURES.replace("thick.npy", "share.npy")),
         "--fraction-map": Reaches("--fraction-map thick.npy", lambda g: g["fraction"] is not None, True, base=TEXTURES),
         "--ground-map": Reaches("--ground-map thick.npy", lambda g: g["ground"] is not None, True, base=TEXTURES),
         "--layer": Reaches("--layer 2", lambda g: g["layer"], 1, base=TEXTURES),
@@ -398,8 +398,9 @@ def _reach(monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], Reached | No
     np.save("cube.npy", np.full((4, 5, GRID.size), 0.4, np.float32))
     np.save("other.npy", np.full((4, 5, GRID.size), 0.6, np.float32))
     np.savetxt("bands.txt", GRID)
-    np.save("thick.npy", np.array([[0.2, 0.4]]))
-    np.save("three.npy", np.array([[0.2, 0.4, 0.1]]))
+    np.save("thick.npy", np.array([[2e-6, 4e-6]]))
+    np.save("share.npy", np.array([[0.2, 0.4]]))
+    np.save("three.npy", np.array([[2e-6, 4e-6, 1e-6]]))
     Path("corner.csv").write_text("0,0\n3,0\n0,3\n")
     np.savetxt("white.txt", np.full(GRID.size, 0.9))
     np.savetxt("dark.txt", np.full(GRID.size, 0.01))

@@ -1,3 +1,6 @@
+import copy
+import pickle
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -6,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from glazejax import Bidirectional
 from glazejax.paint.media import Glaze, Layer, Mixture, Pigment
 
 GRID = np.array([400.0, 500.0, 600.0])
@@ -168,13 +172,13 @@ def test_wrong_glaze(substrate, index, complaint):
 @pytest.mark.parametrize(
     ("build", "complaint"),
     [
-        (lambda: Layer("red", 1e-5), r"Pigment or a Mixture, not 'red'.*catalogue\.load"),
+        (lambda: Layer("red", 1e-5), r"Pigment or a Mixture, not 'red'.*catalogue\.load"),  # pyright: ignore
         (lambda: Layer(RED, "10um"), "thickness of 'red' must be real numbers, not '10um'"),
         (lambda: Layer(RED, [[1e-5], [1e-5, 1e-5]]), "thickness of 'red' .* rows differ in length"),
-        (lambda: Glaze(Layer(RED, 1e-5), 0.5), r"must be a list, top first: write \[layer\]"),
-        (lambda: Glaze([RED], 0.5), r"must each be a Layer, not a Pigment: write Layer\(paint"),
+        (lambda: Glaze(Layer(RED, 1e-5), 0.5), r"must be a list, top first: write \[layer\]"),  # pyright: ignore
+        (lambda: Glaze([RED], 0.5), r"must each be a Layer, not a Pigment: write Layer\(paint"),  # pyright: ignore
         (lambda: Glaze([Layer(RED, 1e-5)], "white"), "substrate must be real numbers, not 'white'"),
-        (lambda: Mixture(["red", "blue"], [0.5, 0.5]), "a mixture is of Pigments, not of 'red'"),
+        (lambda: Mixture(["red", "blue"], [0.5, 0.5]), "a mixture is of Pigments, not of 'red'"),  # pyright: ignore
     ],
 )
 def test_what_is_no_paint_or_number_is_said_in_words(build, complaint):
@@ -268,3 +272,14 @@ def test_representations_are_short():
     single = Glaze([Layer(RED, np.float32(2e-5))], np.float32(0.85), np.full(3, 1.5))
     assert repr(single) == "Glaze([Layer('red', 20 um)], substrate 0.85, n = (3,))"
     jax.jit(lambda g: (repr(g), g.albedo)[1])(glaze)
+
+
+@pytest.mark.parametrize(
+    "thing",
+    [RED, Mixture([RED, BLUE], [0.2, 0.8]), Layer(RED, 1e-5), Glaze([Layer(RED, 1e-5)], 0.5), Bidirectional(45, 0)],
+    ids=lambda thing: type(thing).__name__,
+)
+def test_objects_can_be_pickled_and_copied(thing):
+    for again in (pickle.loads(pickle.dumps(thing)), copy.deepcopy(thing)):
+        assert eqx.tree_equal(again, thing)
+        assert repr(again) == repr(thing)

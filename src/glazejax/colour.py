@@ -7,6 +7,8 @@ million of them, becomes XYZ by one matrix product, and every function but `delt
 What is known and small is computed by NumPy (`glazejax.spectra.computed`), anything else is one compiled program.
 """
 
+from __future__ import annotations
+
 import difflib
 import re
 import warnings

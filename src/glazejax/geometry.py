@@ -4,6 +4,8 @@ One `Instrument` is a geometry and a refractive index. `parse_geometry` reads th
 command line and in Python: ``d:8``, ``de:8``, ``45:0`` and so on.
 """
 
+from __future__ import annotations
+
 from dataclasses import dataclass, field
 
 import equinox as eqx

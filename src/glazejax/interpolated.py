@@ -8,6 +8,8 @@ dropped at the end. The pieces are in `chebyshev_table`.
 Source: L. N. Trefethen, Approximation Theory and Approximation Practice (2013), chapters 2 to 8.
 """
 
+from __future__ import annotations
+
 import functools
 import math
 from collections.abc import Callable, Mapping

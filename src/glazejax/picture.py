@@ -5,6 +5,8 @@ from pixel to pixel. That function is computed where it is needed to meet a colo
 interpolated in XYZ for all pixels; `full` computes every distinct pixel.
 """
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

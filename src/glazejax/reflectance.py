@@ -1,5 +1,7 @@
 """Glaze and instrument -> spectrum: the one place where paint meets solver."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import jax.numpy as jnp

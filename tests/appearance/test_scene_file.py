@@ -2,6 +2,7 @@
 
 import tomllib
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from typer.testing import CliRunner
 from glazejax.appearance.scene import file as scene_file
 from glazejax.appearance.scene.lights import AreaLight, PointLight
 from glazejax.appearance.scene.materials import Conductor, Glazed
+from glazejax.appearance.scene.picture import light_white
 from glazejax.appearance.scene.render import render
 from glazejax.appearance.scene.shapes import Box, Mesh, Plane, Sphere
 from glazejax.colour import colour_weights
@@ -418,3 +420,16 @@ def test_the_example_is_printed():
     done = run("--example")
     assert done.output == scene_file.example()
     assert Path(scene_file.__file__).with_name("example.toml").read_text() == done.output
+
+
+def test_a_picture_is_shown_as_its_file_says(write, unchecked):
+    """Exposure, the light the eye is adapted to, the display: of pixels that are half as bright as the white."""
+    text = SMALL.replace("background = 0.2", 'background = 0.2\nexposure = 2.0\nwhite = "A"\ndisplay = "Adobe RGB"')
+    found = scene_file.read_scene(write(text))
+    wavelengths = found.scene.wavelengths
+    half = 0.25 * light_white(found.white, wavelengths)  # of the exposure of two
+    rendered = SimpleNamespace(spectral=False, values=np.tile(half, (2, 3, 1)))
+    shown = found.on_screen(rendered)  # pyright: ignore[reportArgumentType]
+    # Adobe RGB's curve is a power of 563/256; under A its white is the display's.
+    np.testing.assert_array_equal(shown.rgb, np.full((2, 3, 3), round(255 * 0.5 ** (256 / 563))))
+    assert (shown.bright, shown.colourful) == (0.0, 0.0)

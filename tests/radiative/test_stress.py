@@ -299,3 +299,25 @@ def test_a_traced_tolerance_is_told_to_be_static():
 
     with pytest.raises(ValueError, match=r"tolerance is traced.*static_argnames='tolerance'"):
         jax.jit(seen)(1e-3)
+
+
+def test_inside_the_loops_of_jax():
+    """In scan, map and cond, under a checkpoint and its gradient, in one program: as one by one."""
+    grounds, depth = jnp.linspace(0.1, 0.9, 3), jnp.array([0.5, 2.0])
+
+    def one(ground, depth):
+        return stack_reflectance_factor([0.6, 0.98], depth, ground, tolerance=1e-3)
+
+    @jax.jit
+    def looped(depth):
+        _, scanned = jax.lax.scan(lambda last, ground: (last, one(ground, depth)), 0.0, grounds)
+        mapped = jax.lax.map(lambda ground: one(ground, depth), grounds)
+        chosen = jax.lax.cond(depth[0] > 0, lambda d: one(grounds[1], d), jnp.sum, depth)
+        return scanned, mapped, chosen, jax.grad(jax.checkpoint(lambda d: one(grounds[1], d)))(depth)
+
+    scanned, mapped, chosen, slope = looped(depth)
+    alone = np.array([one(ground, depth) for ground in grounds])
+    np.testing.assert_allclose(scanned, alone, rtol=1e-9)
+    np.testing.assert_allclose(mapped, alone, rtol=1e-9)
+    np.testing.assert_allclose(chosen, alone[1], rtol=1e-9)
+    np.testing.assert_allclose(slope, jax.grad(lambda d: one(grounds[1], d))(depth), rtol=1e-7)

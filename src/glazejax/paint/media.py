@@ -8,6 +8,8 @@ Kubelka-Munk's K and S: K = 2k and, for isotropic scattering, S is about 3s/4. S
 phase function is given.
 """
 
+from __future__ import annotations
+
 import functools
 import operator
 from collections.abc import Sequence

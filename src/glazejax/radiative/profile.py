@@ -10,6 +10,8 @@ Two ways to the same number:
   until the estimate is below the tolerance.
 """
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypeAlias, cast
 

@@ -1,5 +1,7 @@
 """The two reflectances of a stack of layers and their split: validation, batching, derivatives, choice of method."""
 
+from __future__ import annotations
+
 import functools
 import math
 import warnings

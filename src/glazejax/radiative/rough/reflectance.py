@@ -1,5 +1,7 @@
 """The two reflectances of paint under a rough surface: checks, batches, one surface for each index."""
 
+from __future__ import annotations
+
 from collections.abc import Callable
 from typing import Any
 
