@@ -108,6 +108,19 @@ def test_files_in_backquotes_are_there(page):
             assert any(next(folder.parent.rglob(path), None) for folder in CODE), f"{page.name} says `{span}`"
 
 
+@each_page
+def test_paints_of_coats_are_in_a_catalogue(page):
+    """In code, too: `CobaltBlue:2um`, `0.7*ZincWhite+0.3*CobaltBlue:12um`, `paints["CobaltBlue"]`."""
+    from glazejax import catalogue
+
+    known = {*catalogue.load("oils"), *catalogue.load("acrylics"), "Ultramarine", "MyBlue"}  # own tubes
+    text = page.read_text("utf-8")
+    coats = re.findall(r"([A-Z]\w+(?:\+[\d.*]*[A-Z]\w+)*):[~?]?[\d.]*(?:um|µm|\?)", text)
+    said = {name for coat in coats for name in re.findall(r"[A-Z]\w+", coat)}
+    said |= set(re.findall(r"paints\[\"(\w+)\"\]", text))
+    assert said <= known, f"{page.name} says {said - known}"
+
+
 @pytest.fixture(scope="module")
 def commands() -> dict[str, set[str]]:
     return _commands()
