@@ -124,7 +124,7 @@ def table(outcomes: list[Outcome], factor: float, unreached: Sequence[str] = ())
     lines = [f"{'benchmark':<24}{'seconds':>9}{'cpu':>9}{'figures':>9}{'apart':>7}  exit status, or why not"]
     for one in outcomes:
         counts = f"{one.figures:>9}{len(one.apart):>7}" if one.figures else " " * 16
-        seconds = f"{one.seconds:9.1f}{one.processor:9.1f}" if one.seconds else " " * 18
+        seconds = f"{one.seconds:9.1f}{one.processor:9.1f}" if one.kind != "left out" else " " * 18
         lines.append(f"{one.name:<24}{seconds}{counts}  {one.ended}")
     lines.append(f"{'all':<24}{sum(one.seconds for one in outcomes):9.1f}{sum(one.processor for one in outcomes):9.1f}")
     lines += ["", summary(outcomes, unreached)]

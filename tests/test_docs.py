@@ -27,9 +27,8 @@ from docstrings import as_links, join_returns, short_defaults  # noqa: E402
 from notebook_times import too_slow  # noqa: E402
 from offline import faults_of  # noqa: E402
 from pages_of_repository import TEXTS, links_for_site  # noqa: E402
-from reading import code_that_breaks, modules_that_break, pictures_that_open  # noqa: E402
+from reading import code_that_breaks, folded, modules_that_break, pictures_that_open  # noqa: E402
 from reference import as_markdown  # noqa: E402
-from results import folded  # noqa: E402
 
 MADE = {"reference", "results", "project"}
 """Folders of the site that are written when it is built."""

@@ -5,6 +5,7 @@ in one piece. A picture is a link to itself, in all its pixels.
 """
 
 import re
+import textwrap
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -17,6 +18,15 @@ _OPTION = re.compile(r"-{1,2}[A-Za-z][\w-]*")
 _JOINT = re.compile(r"([/_.=,:(\[]+)(?=[\w\"'(&])")
 _MODULE = re.compile(r"(?<=>)(glaze\w+(?:\.\w+)+)(?=<)")
 _PICTURE = re.compile(r"(<a\b[^>]*>\s*)?(<img\b[^>]*\bsrc=\"([^\"]+)\"[^>]*/?>)")
+
+
+def folded(line: str) -> str:
+    """A long sentence in several lines; a row of a table, which has columns two spaces apart, as it is."""
+    words = line.strip()
+    if len(line) <= 130 or "  " in words:
+        return line
+    indent = line[: len(line) - len(line.lstrip())]
+    return textwrap.fill(words, 120, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False)
 
 
 def code_that_breaks(page: str) -> str:

@@ -7,7 +7,6 @@ the build.
 
 import ast
 import re
-import textwrap
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from benchmarks.figures import figure
 from benchmarks.results import declared, head, module_of, modules
 from docutils import nodes
 from pages_of_repository import DOCS, RESULTS, write_if_new
+from reading import folded
 from sphinx import addnodes
 from sphinx.application import Sphinx
 from sphinx.util.docutils import SphinxRole
@@ -44,15 +44,6 @@ class Result(SphinxRole):
         link["refdoc"] = self.env.docname
         link["classes"].append("result")
         return [link], []
-
-
-def folded(line: str) -> str:
-    """A long sentence in several lines; a row of a table, which has columns two spaces apart, as it is."""
-    words = line.strip()
-    if len(line) <= 130 or "  " in words:
-        return line
-    indent = line[: len(line) - len(line.lstrip())]
-    return textwrap.fill(words, 120, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False)
 
 
 def _about(path: Path) -> str:

@@ -363,7 +363,7 @@ def _envi_counts(content: bytes, found: Any) -> str:
 
 
 def _pigments(content: bytes, found: Any) -> str:
-    lines = content.decode("utf-8-sig").splitlines()
+    lines = content.decode("utf-8-sig", "replace").splitlines()
     below = sum(bool(line.strip()) and not line.startswith("#") for line in lines) - 1
     held = sum(np.size(pigment.wavelengths) for pigment in found.values())
     return "" if below == held else f"{below} lines, {held} wavelengths"
