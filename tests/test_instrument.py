@@ -105,6 +105,7 @@ def test_one_place_resolves_instrument_and_geometry():
     assert resolve_instrument(Instrument(side)) == Instrument(side)
 
 
+@pytest.mark.slow
 def test_films_over_cards_are_read_by_any_instrument():
     """What 45:0 reads of a film, over cards that it read too, tells the same paint as a sphere does."""
     grid = np.arange(400.0, 701.0, 100.0)

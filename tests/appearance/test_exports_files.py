@@ -185,6 +185,7 @@ def test_textures_come_with_words_and_a_material(textures):
     assert document.getNode("glaze_base_color").getInput("file").getColorSpace() == "srgb_texture"
 
 
+@pytest.mark.slow
 def test_a_large_map_is_interpolated(tmp_path):
     thickness = np.linspace(0, 8e-6, 600).reshape(20, 30)
     one = texture_set(blue(), tmp_path / "many", thickness=thickness, delta_e=0.5)

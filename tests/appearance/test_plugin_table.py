@@ -19,7 +19,10 @@ def looked_up(body, a, b, points, ground):
     return np.stack(reflectance_factor(NUMPY, body, at_point(NUMPY, body, points, waves, given), a, b), axis=-1)
 
 
-@pytest.mark.parametrize("coats", ["UltramarineBlue:3um, ZincWhite:20um", "BoneBlack:3um, BoneBlack:2mm"])
+@pytest.mark.parametrize(
+    "coats",
+    ["UltramarineBlue:3um, ZincWhite:20um", pytest.param("BoneBlack:3um, BoneBlack:2mm", marks=pytest.mark.slow)],
+)
 def test_any_thickness_and_any_ground(coats):
     """Below 2 mm of black nothing of the ground is seen."""
     glaze = read_coats(coats)

@@ -40,7 +40,9 @@ def luminance(scene: Scene, samples: int = 4096, **how) -> np.ndarray:
 
 
 @pytest.mark.optimised
-@pytest.mark.parametrize("name", ["diffuse", "copper", "glaze", pytest.param("map", marks=pytest.mark.slow), "gloss"])
+@pytest.mark.parametrize(
+    "name", ["diffuse", "copper", "glaze", *(pytest.param(name, marks=pytest.mark.slow) for name in ("map", "gloss"))]
+)
 def test_pictures_are_those_of_the_ray_caster(name, mi):
     case = cases(32, 24)[name]
     mine, traced = ours(case, antialias=10), theirs(case, samples=1024)

@@ -141,6 +141,7 @@ def rendered():
     return render(still_life(background=0.3))
 
 
+@pytest.mark.slow
 def test_adaptive_rays_are_close_to_many_rays_everywhere(rendered):
     few, many = rendered, render(still_life(background=0.3), adaptive=False)
     difference = np.abs(few.radiance - many.radiance).mean(axis=-1)

@@ -231,6 +231,7 @@ def test_joint_fit_on_the_command_line(run, tmp_path, films):
     assert "--overwrite" in err
 
 
+@pytest.mark.slow
 def test_mixtures_are_left_out_when_asked(run, tmp_path):
     grid = GRID[::3]
     k = np.stack([np.geomspace(0.05, 3.0, grid.size), np.full(grid.size, 0.02), np.full(grid.size, 9.0)])

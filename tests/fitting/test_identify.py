@@ -121,6 +121,7 @@ def test_residuals_are_measured_minus_fitted_and_small(blind):
     assert np.median(found.delta_e[:BLIND, 0]) < 1.5
 
 
+@pytest.mark.slow
 def test_what_the_usual_search_saves_changes_little(paints, blind):
     """Beside a search that fits every pair and gives every set errors of its own."""
     found = blind[-1]

@@ -73,6 +73,7 @@ def test_errors_of_the_model_are_added_to_both_cards(recovered):
     assert draws(recovered, "shade", amplitude=1.0).min() == 0.0
 
 
+@pytest.mark.slow
 def test_errors_of_paints_move_a_film_as_far_as_they_are_large(recovered):
     """To first order twice the error is twice the spread; a level is the same at all wavelengths."""
     few, many = (np.std(draws(recovered, "half", coefficient=c) - draws(recovered, "half")) for c in (0.01, 0.02))

@@ -349,6 +349,7 @@ def test_large_tables_take_their_size_and_little_more(tmp_path, megabytes):
     assert kilobytes * 1024 < count * (41 * 8 + 120) + (24 << 20) < path.stat().st_size + (200 << 20)
 
 
+@pytest.mark.slow
 def test_tables_are_written_in_pieces(tmp_path):
     table = SpectraTable(GRID, tuple(f"s{i}" for i in range(20_000)), np.tile(spectra(), (6667, 1))[:20_000])
     for name in ("t.csv", "t.hdr"):

@@ -147,6 +147,7 @@ def test_a_piece_that_fails_is_tried_again_but_not_for_ever(tmp_path, client):
     assert "b" not in other.done()
 
 
+@pytest.mark.slow
 def test_a_piece_that_kills_every_worker_ends_in_a_sentence(tmp_path, client):
     results = KeyedResults(tmp_path / "work")
     (tmp_path / "tries").mkdir()

@@ -45,7 +45,7 @@ def sd_of(readings):
     return np.hypot(0.001, Noise().sd(readings))
 
 
-@pytest.fixture(scope="module", params=["over a ground", "hiding"])
+@pytest.fixture(scope="module", params=["over a ground", pytest.param("hiding", marks=pytest.mark.slow)])
 def problem(request):
     scene = small.scene()
     bands = WorkingBands.of(scene.wavelengths, small.paints())

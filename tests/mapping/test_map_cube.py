@@ -161,6 +161,7 @@ def test_a_cluster_gives_the_same_map(made, cube, options, tmp_path):
         np.testing.assert_array_equal(found[name].values, made[0][name].values)
 
 
+@pytest.mark.slow
 def test_spectra_far_from_all_others_are_searched(cube, options, tmp_path, monkeypatch):
     """A stroke that no sampled line has."""
     monkeypatch.setattr("glazefit.mapping.map_cube._LINES", 4)
@@ -177,6 +178,7 @@ def test_spectra_far_from_all_others_are_searched(cube, options, tmp_path, monke
     assert (np.delete(way, 10, axis=0) == Way.UPDATED).mean() > 0.98
 
 
+@pytest.mark.slow
 def test_a_window_that_the_mask_leaves_out_is_empty(cube, options, tmp_path, monkeypatch):
     monkeypatch.setattr("glazefit.mapping.map_cube.chunk_shape", lambda *_, **__: (12, 20))
     mask = np.zeros((24, 40), bool)
@@ -189,6 +191,7 @@ def test_a_window_that_the_mask_leaves_out_is_empty(cube, options, tmp_path, mon
     assert found.attrs["tallies"]["mapped"] == 235
 
 
+@pytest.mark.slow
 def test_films_that_hide_their_ground_have_no_thickness(cube, tmp_path):
     grid = np.asarray(cube["wavelength"])
     found = map_cube(

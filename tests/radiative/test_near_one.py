@@ -39,7 +39,7 @@ def worst(stacks, index, directions, truth):
     return float(jnp.max(jnp.abs(solved(stacks, index, jax.tree.map(jnp.asarray, directions)) - truth)))
 
 
-@pytest.mark.parametrize("least", [0.05, 4e-4])
+@pytest.mark.parametrize("least", [pytest.param(0.05, marks=pytest.mark.slow), 4e-4])
 @pytest.mark.parametrize("tolerance", [1e-4, pytest.param(1e-6, marks=pytest.mark.slow)])
 def test_error_of_grazing_light_and_view_stays_below_the_tolerance(least, tolerance):
     # Both of a cosine of 4e-4: the reflectance factor is some 150 then, and its error is still an absolute one.
@@ -115,7 +115,7 @@ def of_index(hemispherical, tolerance):
     return f
 
 
-@pytest.mark.parametrize("hemispherical", [False, True])
+@pytest.mark.parametrize("hemispherical", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_slopes_by_an_index_of_one_and_just_above(hemispherical):
     f = jax.jit(of_index(hemispherical, 1e-8))
     slope = jax.jit(lambda n: jax.jvp(f, (n,), (jnp.ones_like(n),))[1])

@@ -128,7 +128,9 @@ PATHS = [
 ]
 
 
-@pytest.mark.parametrize("case", PATHS, ids=str)
+@pytest.mark.parametrize(
+    "case", [PATHS[0], *(pytest.param(case, marks=pytest.mark.slow) for case in PATHS[1:])], ids=str
+)
 def test_paths_followed_facet_by_facet_agree(case):
     roughness, index, albedo, thickness, ground, cosine = case
     edges = np.array([0.0, 0.2, 0.4, 0.6, 0.8, 0.95, 1.0])

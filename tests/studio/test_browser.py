@@ -314,6 +314,7 @@ def test_the_canvas_is_brushed_by_keys(page):
         page.until(lambda x=x, y=y, f=found: np.abs(page.pixel("easel", x, y) - f).max() <= 4, "the touch", 20)
 
 
+@pytest.mark.slow
 def test_maps_are_saved_and_loaded(page, downloads):
     page.at("tab-canvas").click()
     canvas = page.at("easel")
@@ -394,6 +395,7 @@ def test_two_pages_do_not_disturb_each_other(page, browser):
     check_swatch(page, page.stack())
 
 
+@pytest.mark.slow
 def test_a_recipe_is_stopped_and_one_is_taken(page):
     page.at("tab-backwards").click()
     page.at("find").click()
@@ -420,6 +422,7 @@ def write_film(path, film: str, rows: str = "") -> None:
     path.write_text("\n".join([first, *(line for line in lines if line.startswith(f"{film}_{rows}"))]) + "\n")
 
 
+@pytest.mark.slow
 def test_a_film_is_identified_and_recovered(page, tmp_path):
     """Vermilion over cards, 06A of the samples: 'none of these' is in the list, and one click takes the film."""
     write_film(tmp_path / "film.csv", "06A")

@@ -233,6 +233,7 @@ def test_the_command_prints_its_link_and_ends_with_ctrl_c(tmp_path):
     assert "The studio is closed" in process.stdout.read()
 
 
+@pytest.mark.slow
 def test_ctrl_c_while_programs_are_compiled_ends_without_a_crash():
     code = """
 import itertools, jax
