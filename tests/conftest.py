@@ -53,6 +53,9 @@ _MUCH_MEMORY = 1.2e9
 """Bytes held by one process between two modules; the heaviest tests take some .6e9 more."""
 _TOO_MUCH_MEMORY = 1.5e9
 """The same between two tests of a module, whose programs the next one may want again."""
+_GROWN = 0.25e9
+"""Bytes that must have come since programs were let go last: what stays then is no program, and would stay again."""
+_stayed = 0.0
 
 
 @pytest.fixture(autouse=True)
@@ -61,7 +64,7 @@ def _dtypes_are_said(request):
     forward = "fitting" not in request.path.parts or _CHECKED == "all"
     with jax.numpy_dtype_promotion("strict" if forward else "standard"):
         yield
-    if _memory() > _TOO_MUCH_MEMORY:
+    if _memory() > max(_TOO_MUCH_MEMORY, _stayed + _GROWN):
         _let_programs_go()
 
 
@@ -71,7 +74,7 @@ def _programs_are_let_go():
     yield
     maps = Path("/proc/self/maps")
     mappings = len(maps.read_bytes().splitlines()) if maps.exists() else 0
-    if mappings > _MANY_MAPPINGS or _memory() > _MUCH_MEMORY:
+    if mappings > _MANY_MAPPINGS or _memory() > max(_MUCH_MEMORY, _stayed + _GROWN):
         _let_programs_go()
 
 
@@ -82,10 +85,12 @@ def _memory() -> int:
 
 
 def _let_programs_go() -> None:
+    global _stayed
     jax.clear_caches()
     gc.collect()
     if hasattr(libc := ctypes.CDLL(None), "malloc_trim"):  # What glibc keeps of it goes back too.
         libc.malloc_trim(0)
+    _stayed = _memory()
 
 
 @pytest.fixture
