@@ -25,6 +25,7 @@ class GalleryDirective(SphinxDirective):
 
 def _fill(app: Sphinx, doctree: nodes.document, name: str) -> None:
     for place in list(doctree.findall(Gallery)):
+        took = seconds(app.env)
         made = nodes.container(classes=["gallery"])
         for page in app.env.toctree_includes.get(name, []):
             # The last one shows most: earlier ones lead to it.
@@ -37,8 +38,8 @@ def _fill(app: Sphinx, doctree: nodes.document, name: str) -> None:
             link = nodes.reference("", "", internal=True, refuri=app.builder.get_relative_uri(name, page))
             link += picture
             title = nodes.reference("", app.env.titles[page].astext(), internal=True, refuri=link["refuri"])
-            took = seconds(app.env).get(page)
-            ran = nodes.Text("" if took is None else f" {took:.0f} s")
+            long = took.get(page)
+            ran = nodes.Text("" if long is None else f" {long:.0f} s")
             made += nodes.container("", link, nodes.paragraph("", "", title, ran), classes=["of-gallery"])
         place.replace_self(made)
 

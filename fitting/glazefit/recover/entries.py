@@ -109,8 +109,6 @@ def add_paints(recovery: JointRecovery, path: str | Path, *, overwrite: bool = F
 def _same(recovery: JointRecovery, name: str, there: Pigment) -> bool:
     """Whether a known paint is the file's own, as far as the fit's errors are told by its modes."""
     paint, kept = recovery.known_paints[name], list(recovery.known_modes[name].kept)
-    if paint is there:
-        return True
     try:
         paint, there = (each.resample(recovery.wavelengths) for each in (paint, there))
     except ValueError:  # another range

@@ -138,7 +138,7 @@ def recover_jointly(
         converged=settled,
         noise=noise,
         unit=unit,
-        known_paints={paint: (known or {})[paint] for paint in np.array(paints, object)[told.known]},
+        known_paints={paint: known[paint] for paint in paints if paint in known} if known else {},
         known_modes=told.modes_of,
         left_open=LeftOpen(factors, np.asarray(problem.band_modes), found.with_others),
         gauged=gauge is not None,
