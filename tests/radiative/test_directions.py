@@ -11,6 +11,7 @@ from glazejax.radiative.common.directions import Resolution, half_range, resolve
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.radiative.common.simultaneous import fine_half_range, simultaneous_rule
 from glazejax.radiative.ordinates.resolution import flux_error, flux_sums, resolve_known
+from tests.tolerances import LAST_DIGITS, ROUNDING
 
 INDICES = (1.0, 1.0001, 1.07, 1.33, 1.5, 2.5)
 
@@ -40,7 +41,7 @@ def test_fine_sums_are_the_integrals(index):
     fine = fine_half_range(index, 6.0)
     for depth in (0.0, 0.01, 0.3, 2.0):
         terms = fine.weights * fine.cosines * np.exp(-depth / fine.cosines)
-        assert (terms.sum(), terms @ fine.reflectance) == pytest.approx(sums_by_quadrature(index, depth), abs=1e-12)
+        assert (terms.sum(), terms @ fine.reflectance) == pytest.approx(sums_by_quadrature(index, depth), abs=ROUNDING)
 
 
 @pytest.mark.parametrize("index", INDICES)
@@ -48,8 +49,8 @@ def test_fine_sums_are_the_integrals(index):
 def test_chosen_directions_meet_their_share_of_the_tolerance(index, tolerance):
     chosen = half_range(index, resolve_known(tolerance, index))
     assert np.all(chosen.weights > 0)
-    assert np.sum(chosen.weights) == pytest.approx(1, abs=1e-14)
-    assert np.sum(chosen.weights * chosen.cosines) == pytest.approx(0.5, abs=1e-14)
+    assert np.sum(chosen.weights) == pytest.approx(1, abs=LAST_DIGITS)
+    assert np.sum(chosen.weights * chosen.cosines) == pytest.approx(0.5, abs=LAST_DIGITS)
     assert np.all((chosen.cosines > 0) & (chosen.cosines < 1))
     # What each direction reflects only has a meaning in sums; their first one is the flux that comes back.
     for depth in (0.0, 0.02, 0.5, 3.0):
@@ -92,7 +93,7 @@ def test_degree_of_exactness():
                 )
                 for r in (rule, fine)
             )
-            agrees = abs(found / exact - 1) < 1e-12
+            agrees = abs(found / exact - 1) < ROUNDING
             assert agrees == (power < degree), (power, degree)
 
 

@@ -17,6 +17,7 @@ from glazejax.radiative.common.exponential_integrals import (
     internal_reflection_integral,
 )
 from glazejax.radiative.common.fresnel import dielectric_reflectance
+from tests.tolerances import LAST_DIGITS
 
 POINTS = np.r_[np.geomspace(1e-12, 700, 400), 1.0, np.nextafter(1.0, 0), np.nextafter(1.0, 2)]
 
@@ -24,9 +25,9 @@ POINTS = np.r_[np.geomspace(1e-12, 700, 400), 1.0, np.nextafter(1.0, 0), np.next
 @pytest.mark.parametrize("order", [1, 2, 3, 4, 8])
 def test_values_and_slopes(order):
     value, slope = jax.vmap(jax.value_and_grad(lambda x: expn(order, x)))(jnp.asarray(POINTS))
-    assert np.max(np.abs(value / special.expn(order, POINTS) - 1)) < 1e-14
+    assert np.max(np.abs(value / special.expn(order, POINTS) - 1)) < LAST_DIGITS
     below = np.exp(-POINTS) / POINTS if order == 1 else special.expn(order - 1, POINTS)
-    assert np.max(np.abs(-slope / below - 1)) < 1e-14
+    assert np.max(np.abs(-slope / below - 1)) < LAST_DIGITS
     single = expn(order, jnp.asarray(POINTS, jnp.float32))
     assert single.dtype == jnp.float32
     shown = POINTS < 80  # e^-x is still a normal number in float32
@@ -64,7 +65,7 @@ def test_internal_reflection(power):
         expected = np.array([reference(power, v, index) for v in x])
         scale = 1.0 + np.abs(expected)
         for n in (index, jnp.asarray(index)):
-            assert np.max(np.abs(internal_reflection_integral(power, x, n) - expected) / scale) < 1e-14, index
+            assert np.max(np.abs(internal_reflection_integral(power, x, n) - expected) / scale) < LAST_DIGITS, index
     assert np.all(internal_reflection_integral(power, x, 1.0) == 0)
     assert np.all(internal_reflection_integral(power, np.r_[0, x], jnp.ones(7)) == 0)
 
@@ -88,4 +89,4 @@ def test_cone_weights():
     # int dmu over the cone: 1 - mu_c.
     for n in (1.5, jnp.array([1.2, 1.5, 2.0])):
         _, weights, _ = cone_nodes(n)
-        assert np.allclose(np.sum(weights, -1), 1 - np.sqrt(1 - 1 / np.asarray(n) ** 2), rtol=1e-14)
+        assert np.allclose(np.sum(weights, -1), 1 - np.sqrt(1 - 1 / np.asarray(n) ** 2), rtol=LAST_DIGITS)

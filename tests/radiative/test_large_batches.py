@@ -8,6 +8,7 @@ import pytest
 import glazejax as gj
 from glazejax.radiative.common import chunks
 from glazejax.radiative.common.chunks import on_all_cores
+from tests.tolerances import LAST_DIGITS, ROUNDING
 
 COUNT = 2**14 + 7
 
@@ -45,7 +46,7 @@ def test_value_is_that_of_one_program(stacks, parts, reflectance):
     assert len(parts) == 3
     assert together.shape == (COUNT,)
     # Sums in chunks of another size round otherwise.
-    np.testing.assert_allclose(together, jax.jit(reflectance)(*stacks), rtol=0, atol=1e-14)
+    np.testing.assert_allclose(together, jax.jit(reflectance)(*stacks), rtol=0, atol=LAST_DIGITS)
 
 
 def test_slopes_are_those_of_one_program(stacks, parts):
@@ -58,10 +59,10 @@ def test_slopes_are_those_of_one_program(stacks, parts):
     exact_value, exact = jax.jit(slopes)(*stacks)
     np.testing.assert_allclose(value, exact_value, rtol=1e-13)
     for one, other in zip(found, exact, strict=True):
-        np.testing.assert_allclose(one, other, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(one, other, rtol=0, atol=ROUNDING)
     along = jax.jvp(factor, stacks, stacks)[1]
     total = sum(jnp.sum((a * b).reshape(COUNT, -1), axis=1) for a, b in zip(found, stacks, strict=True)) / weights
-    np.testing.assert_allclose(along, total, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(along, total, rtol=0, atol=ROUNDING)
 
 
 def test_precision_is_the_callers(stacks):

@@ -19,6 +19,7 @@ from glazejax.radiative.manyflux.star_product import (
     slab_of_layer,
     stack_reflection,
 )
+from tests.tolerances import LAST_DIGITS, ROUNDING
 
 TINY = 2.0**-60
 
@@ -64,7 +65,7 @@ def test_inverses_and_their_slopes():
     a = rng.normal(size=(3, 9, 9))
     a = jnp.asarray(a @ np.swapaxes(a, -1, -2) + np.eye(9))
     for function in (inverse, inverse_symmetric):
-        np.testing.assert_allclose(function(a), np.linalg.inv(a), atol=1e-12)
+        np.testing.assert_allclose(function(a), np.linalg.inv(a), atol=ROUNDING)
     moved = jax.jvp(inverse, (a,), (jnp.ones_like(a),))[1]
     expected = (np.linalg.inv(a + 1e-5) - np.linalg.inv(a - 1e-5)) / 2e-5
     np.testing.assert_allclose(moved, expected, atol=1e-7)
@@ -103,15 +104,15 @@ def test_slabs_joined_are_the_layers_laid_one_by_one(layers):
     between = (slab.below @ ground).scaled(-1.0).plus_identity().inverse()
     found = slab.above + slab.up @ (ground @ (between @ slab.down))
     for one, other in zip(found, expected, strict=True):
-        np.testing.assert_allclose(one, other, atol=1e-14)
+        np.testing.assert_allclose(one, other, atol=LAST_DIGITS)
 
 
 def test_reciprocity_of_joined_slabs(layers):
     """Light and eye change places: down is up transposed."""
     r, loss, _ = layers
     slab = join_all(slab_of_layer(r, loss))
-    np.testing.assert_allclose(slab.up.core, np.swapaxes(slab.down.core, -1, -2), atol=1e-14)
-    np.testing.assert_allclose(slab.up.rows, np.swapaxes(slab.down.columns, -1, -2), atol=1e-14)
+    np.testing.assert_allclose(slab.up.core, np.swapaxes(slab.down.core, -1, -2), atol=LAST_DIGITS)
+    np.testing.assert_allclose(slab.up.rows, np.swapaxes(slab.down.columns, -1, -2), atol=LAST_DIGITS)
 
 
 def test_laying_over_black_is_the_layer(layers):

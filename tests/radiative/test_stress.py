@@ -1,4 +1,4 @@
-"""Edges, extremes, batches, single precision and bulk use: finite, right, and never a hang."""
+"""Edges, extremes, batches and bulk use: finite, right, and never a hang."""
 
 import itertools
 import os
@@ -18,6 +18,7 @@ from glazejax import stack_hemispherical_reflectance, stack_reflectance_factor
 from glazejax.radiative.common.directions import half_range
 from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.radiative.ordinates.resolution import resolve_known
+from tests.tolerances import ROUNDING
 
 from .cases import (
     EDGE_ALBEDO,
@@ -26,7 +27,6 @@ from .cases import (
     EDGE_THICKNESS,
     LAYERS,
     random_cases,
-    reference_cases,
 )
 
 pytestmark = pytest.mark.optimised
@@ -51,6 +51,10 @@ depth = st.one_of(st.sampled_from(EDGE_THICKNESS), st.floats(0, 1e6))
 cosine = st.one_of(st.sampled_from(EDGE_COSINE), st.floats(1e-4, 1))
 
 
+DARKER = max(1e-9, ROUNDING)
+"""Slope by an albedo, per thickness, or by a ground, that rounding may leave where there is none."""
+
+
 def finite(tree) -> bool:
     return all(bool(jnp.all(jnp.isfinite(leaf))) for leaf in jax.tree.leaves(tree))
 
@@ -66,6 +70,7 @@ def finite(tree) -> bool:
 @example([0.0] * 5, [0.0] * 5, 0.0, 1.0, 1.0)
 @example([1 - 1e-15, 1e-300, 1.0, 0.0, 0.5], [1e3, 1e-12, 1e-6, 1e6, 0.0], 1.0, 1e-4, 1e-4)
 @example([0.0, 0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1e-290, 0.0], 0.0, 1e-4, 1e-4)
+@pytest.mark.single
 def test_any_stack_is_finite_and_conserves_energy(albedo, thickness, ground, ci, cv):
     q, d = jnp.array([albedo]), jnp.array([thickness])
     g, ci, cv = jnp.array([ground]), jnp.array([ci]), jnp.array([cv])
@@ -73,30 +78,32 @@ def test_any_stack_is_finite_and_conserves_energy(albedo, thickness, ground, ci,
     flux = _flux(q, d, g, ci)
     assert finite(factor)
     assert finite(flux)
-    assert factor[0] >= -1e-12
-    assert -1e-12 <= flux[0] <= 1 - dielectric_reflectance(float(ci[0]), 1.5) + 1e-12
+    assert factor[0] >= -ROUNDING
+    assert -ROUNDING <= flux[0] <= 1 - dielectric_reflectance(float(ci[0]), 1.5) + ROUNDING
     # More scattering in place of absorption, or a paler ground, never darkens.
-    assert jnp.all(factor[1][0] >= -1e-9 * (1 + d))
-    assert factor[1][2][0] >= -1e-9
+    assert jnp.all(factor[1][0] >= -DARKER * (1 + d))
+    assert factor[1][2][0] >= -DARKER
 
 
-def test_every_combination_of_edges():
+@pytest.mark.single
+@pytest.mark.parametrize("index", [1.5, pytest.param(1.0, marks=pytest.mark.slow)])
+def test_every_combination_of_edges(index):
     edges = list(itertools.product(EDGE_ALBEDO, EDGE_THICKNESS, EDGE_GROUND, EDGE_COSINE, EDGE_COSINE))
     a, t, g, ci, cv = map(jnp.asarray, np.array(edges).T)
     q = jnp.stack([a, jnp.full_like(a, 0.6), a, a, a], axis=1)
     d = jnp.stack([t, jnp.full_like(a, 0.2), t, t, t], axis=1)
-    for index in (1.0, 1.5):
 
-        def f(q, d, g, ci, cv, index=index):
-            return stack_reflectance_factor(
-                q, d, g, refractive_index=index, cos_incidence=ci, cos_viewing=cv, tolerance=1e-4
-            )
+    def f(q, d, g, ci, cv):
+        return stack_reflectance_factor(
+            q, d, g, refractive_index=index, cos_incidence=ci, cos_viewing=cv, tolerance=1e-4
+        )
 
-        value, pull = jax.vjp(f, q, d, g, ci, cv)
-        assert finite((value, pull(jnp.ones_like(value))))
-        assert jnp.all(value >= -1e-12)
+    value, pull = jax.vjp(f, q, d, g, ci, cv)
+    assert finite((value, pull(jnp.ones_like(value))))
+    assert jnp.all(value >= -ROUNDING)
 
 
+@pytest.mark.single
 @pytest.mark.parametrize("count", [1, 40])
 def test_many_layers(count):
     rng = np.random.default_rng(count)
@@ -106,7 +113,7 @@ def test_many_layers(count):
     same = stack_reflectance_factor(np.repeat(q[:, :1], count, 1), d, 0.5)
     one = stack_reflectance_factor(q[:, :1], d.sum(1, keepdims=True), 0.5)
     assert finite(many)
-    assert np.allclose(same, one, atol=1e-12, rtol=0)
+    assert np.allclose(same, one, atol=ROUNDING, rtol=0)
 
 
 @pytest.mark.slow
@@ -127,6 +134,7 @@ def test_beams_on_nodes_are_nothing_special():
         assert np.max(np.abs(on - around)) < 1e-7
 
 
+@pytest.mark.single
 def test_jit_vmap_loop_and_chunks_agree():
     q, d, g, ci, cv = random_cases(700)
 
@@ -134,12 +142,12 @@ def test_jit_vmap_loop_and_chunks_agree():
         return stack_reflectance_factor(q, d, g, cos_incidence=ci, cos_viewing=cv)
 
     whole = f(q, d, g, ci, cv)  # several chunks, the last one filled up
-    assert np.allclose(jax.jit(f)(q, d, g, ci, cv), whole, rtol=0, atol=1e-12)
+    assert np.allclose(jax.jit(f)(q, d, g, ci, cv), whole, rtol=0, atol=ROUNDING)
     few = slice(695, 700)  # of the last chunk
     mapped = jax.vmap(f)(*(jnp.asarray(a[few]) for a in (q, d, g, ci, cv)))
     looped = [float(f(q[i], d[i], g[i], ci[i], cv[i])) for i in range(695, 700)]
-    assert np.allclose(mapped, whole[few], rtol=0, atol=1e-12)
-    assert np.allclose(looped, whole[few], rtol=0, atol=1e-12)
+    assert np.allclose(mapped, whole[few], rtol=0, atol=ROUNDING)
+    assert np.allclose(looped, whole[few], rtol=0, atol=ROUNDING)
 
 
 def test_batches_broadcast():
@@ -147,44 +155,6 @@ def test_batches_broadcast():
     out = stack_reflectance_factor(q, [0.1, 0.2], np.linspace(0, 1, 4), cos_viewing=np.array([[0.5], [0.6], [0.7]]))
     assert out.shape == (3, 4)
     assert stack_reflectance_factor(np.zeros((0, 2)), np.zeros((0, 2)), 0.5).shape == (0,)
-
-
-_SINGLE = """
-import sys
-import jax, jax.numpy as jnp, numpy as np
-from glazejax import stack_hemispherical_reflectance, stack_reflectance_factor
-assert not jax.config.jax_enable_x64, "importing glazejax changed the precision"
-data = np.load(sys.argv[1])
-out = {}
-for n in sorted(float(name[1:]) for name in data if name[0] == "q"):
-    q, d, g, ci, cv = (data[f"{name}{n}"] for name in ("q", "d", "g", "ci", "cv"))
-    given = dict(refractive_index=n, cos_incidence=ci)
-    f = lambda q, d, g: stack_reflectance_factor(q, d, g, cos_viewing=cv, **given)
-    value, pull = jax.vjp(f, *(jnp.asarray(a, jnp.float32) for a in (q, d, g)))
-    assert value.dtype == jnp.float32
-    assert all(bool(jnp.all(jnp.isfinite(x))) for x in pull(jnp.ones_like(value)))
-    out[f"factor{n}"] = value
-    out[f"flux{n}"] = stack_hemispherical_reflectance(q, d, g, **given)
-np.savez(sys.argv[2], **out)
-"""
-
-
-@pytest.mark.parametrize(
-    "index", [1.5, pytest.param(1.0, marks=pytest.mark.slow), pytest.param(1.7, marks=pytest.mark.slow)]
-)
-def test_single_precision(tmp_path, index):
-    given, truth = {}, {}
-    for n, c in reference_cases().items():
-        if n != index:
-            continue
-        given |= {f"q{n}": c.albedo, f"d{n}": c.optical_thickness, f"g{n}": c.ground}
-        given |= {f"ci{n}": c.cos_incidence, f"cv{n}": c.cos_viewing}
-        truth |= {f"factor{n}": c.reflectance_factor, f"flux{n}": c.hemispherical_reflectance}
-    np.savez(tmp_path / "in.npz", **given)
-    command = [sys.executable, "-c", _SINGLE, str(tmp_path / "in.npz"), str(tmp_path / "out.npz")]
-    subprocess.run(command, check=True, timeout=300)
-    for name, found in np.load(tmp_path / "out.npz").items():
-        assert np.max(np.abs(found - truth[name])) < 2e-4, name
 
 
 @pytest.mark.parametrize("index", [1.5, pytest.param("array", marks=pytest.mark.slow)])
@@ -301,6 +271,7 @@ def test_a_traced_tolerance_is_told_to_be_static():
         jax.jit(seen)(1e-3)
 
 
+@pytest.mark.single
 def test_inside_the_loops_of_jax():
     """In scan, map and cond, under a checkpoint and its gradient, in one program: as one by one."""
     grounds, depth = jnp.linspace(0.1, 0.9, 3), jnp.array([0.5, 2.0])
@@ -317,7 +288,7 @@ def test_inside_the_loops_of_jax():
 
     scanned, mapped, chosen, slope = looped(depth)
     alone = np.array([one(ground, depth) for ground in grounds])
-    np.testing.assert_allclose(scanned, alone, rtol=1e-9)
-    np.testing.assert_allclose(mapped, alone, rtol=1e-9)
-    np.testing.assert_allclose(chosen, alone[1], rtol=1e-9)
-    np.testing.assert_allclose(slope, jax.grad(lambda d: one(grounds[1], d))(depth), rtol=1e-7)
+    np.testing.assert_allclose(scanned, alone, rtol=max(1e-9, ROUNDING))
+    np.testing.assert_allclose(mapped, alone, rtol=max(1e-9, ROUNDING))
+    np.testing.assert_allclose(chosen, alone[1], rtol=max(1e-9, ROUNDING))
+    np.testing.assert_allclose(slope, jax.grad(lambda d: one(grounds[1], d))(depth), rtol=max(1e-7, ROUNDING))

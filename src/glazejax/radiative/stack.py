@@ -43,7 +43,7 @@ LEAST_SLOPING_INDEX = 1.0 + 1e-4
 FINEST = {"ordinates": 1e-10, "auxiliary": 1e-8, "manyflux": 1e-10}
 """Smallest tolerance that each method meets in double precision."""
 FINEST_SINGLE = 1e-5
-"""The same for all of them in single precision."""
+"""The same for all of them in single precision, but for thick layers that absorb little: docs/errors.md."""
 
 _DEFAULT_TOLERANCE = 1e-6
 

@@ -1,14 +1,16 @@
 r"""One homogeneous layer as a symmetric two-port: what it passes on and what a beam excites in it.
 
 In modes (see `modes`) a layer obeys y'' = lambda y - q zeta e^(-a t). With sigma given at its near face (y0) and
-delta at its far face (f), and with T = tanh(kappa D)/kappa, S = sech(kappa D),
+delta at its far face, and with T = tanh(kappa D)/kappa, S = sech(kappa D),
 
-    delta at the near face   lambda T y0 + S f - b_near,       b_near =  q zeta int u(t) e^(-a t) dt,
-    sigma at the far face    S y0 - T f - b_far,               b_far  = -q zeta int v(t) e^(-a t) dt,
+    delta at the near face   lambda T y0 + S f - near,         near = q zeta int u(t) e^(-a t) dt,
+    sigma at the far face    S y0 - T f,                       far  = q zeta int v(t) e^(-a t) dt,
 
-u being the mode with u = 1 at the near face and u' = 0 at the far one, v that with v = 0 and v' = 1. Every entry stays
-bounded for an empty layer, an opaque one and an albedo of one. The near face is the top, or, in a layer that is
-looked at from below ("mirrored"), the bottom; the beam runs downwards in both.
+u being the mode with u = 1 at the near face and u = 0 at the far one, v the other way round. f is delta at the far face
+but for what the beam itself drives out there, `far`, while sigma is held at zero at both faces. Those are what stays
+bounded for an empty layer, an opaque one and an albedo of one: with delta held instead, all that a layer without
+absorption scatters would have to leave by its other face, and sigma, of the size of D, would have to cancel. The near
+face is the top, or, in a layer that is looked at from below ("mirrored"), the bottom; the beam runs downwards in both.
 """
 
 from typing import NamedTuple
@@ -24,6 +26,8 @@ from .modes import Modes
 
 # Modes slower than this take the form that is even in kappa; no beam (decay >= 1) resonates with them.
 _SLOW = 0.25
+# Layers thinner than this, in units of their mode and of the beam, take a series of what a beam excites.
+_THIN = 1e-4
 
 
 class Beams(NamedTuple):
@@ -41,10 +45,10 @@ class Ports(NamedTuple):
     restoring: Array  # (layers, batch, n), lambda T
     tanh: Array  # (layers, batch, n), T
     sech: Array  # (layers, batch, n), S
-    near: Array  # (layers, batch, beams, n), b_near
-    far: Array  # (layers, batch, beams, n), b_far
+    near: Array  # (layers, batch, beams, n)
+    far: Array  # (layers, batch, beams, n)
     once: Array  # (layers, batch), light scattered once between incidence and viewing; 0 without viewing
-    direct: Array  # (layers, batch), the same with what never leaves the layer's two-port, `once` included
+    direct: Array  # (layers, batch), all light scattered while sigma is zero at both faces, `once` included
 
 
 def two_ports(
@@ -75,32 +79,37 @@ def two_ports(
     # int e^(-(kappa + a) t) and int e^(-kappa (D - t)) e^(-a t), regular at kappa = a.
     together = -(faded + gone + faded * gone) / (kappa + a)
     apart = two_decays(kappa, a, depth, faded, gone)
-    along, against = jnp.where(flip, apart, together), jnp.where(flip, together, apart)
-    norm = 1.0 / (1.0 + fade * fade)
-    gap = 1.0 / jnp.where(slow, a * a - lam, 1.0)
-    slow_near = gap * jnp.where(flip, a * sech - left * (a + lam * tanh), a * (1.0 - left * sech) - lam * tanh)
-    slow_far = gap * jnp.where(flip, a * tanh - 1.0 + left * sech, sech - left * (1.0 + a * tanh))
-    near = jnp.where(slow, slow_near, (along + fade * against) * norm)
-    far = jnp.where(slow, slow_far, (against - fade * along) * norm / kappa)
+    # The integrals at the top and at the bottom, times what both are divided by.
+    thin = (lam * depth**2 < _THIN**2) & (a * depth < _THIN)
+    bend, rate = lam * tanh / (1.0 + sech), -gone / jnp.where(thin, 1.0, tanh)
+    top = jnp.where(slow, a - bend - sech * rate, together - fade * apart)
+    bottom = jnp.where(slow, rate - bend - a * left, apart - fade * together)
+    divisor = jnp.where(thin, 1.0, jnp.where(slow, a * a - lam, -faded * (1.0 + fade)))
+    shallow = jnp.where(thin, depth, 0.0)
+    x, y = lam * shallow**2, a * shallow
+    top = jnp.where(thin, shallow * (1 / 2 - y / 6 + (y * y - x) / 24), top)
+    bottom = jnp.where(thin, shallow * (1 / 2 - y / 3 + (3 * y * y - x) / 24), bottom)
     strength = (albedo * beams.survival)[..., None] * coupling
     once = direct = jnp.zeros_like(thickness)
     if beams.decay.shape[0] == 2:
         b = a[1]
         a = a[0]
         single = -(gone[0] + gone[1] + gone[0] * gone[1]) / (a + b)
-        # The mode's answer to one beam, held at the two-port's conditions, seen along the other.
-        slow_again = jnp.where(flip, left[0] * near[1] + a * far[1], near[1] - a * left[0] * far[1]) - single
+        # The mode's answer to one beam, zero at both faces, seen along the other.
+        seen = bottom[1] / divisor[1]
+        slow_again = top[1] / divisor[1] + left[0] * seen - single
         # One choice for both, so that slopes are right at kappa = a too; of equals `maximum` would take half of each.
         below = kappa < a
         lesser = jnp.where(below, -(faded + gone[1] + faded * gone[1]) / (kappa + b), single)
         area = (lesser - left[1] * apart[0]) / (jnp.where(below, a, kappa) + b)
-        held = jnp.where(flip, far[1] - apart[0] * near[1], -(left[0] - kappa * apart[0]) * far[1])
-        again = jnp.where(slow, slow_again * gap[0], (area + held) / (a + kappa))
+        again = jnp.where(slow, slow_again, area - apart[0] * seen) / jnp.where(slow, a * a - lam, a + kappa)
         both = albedo * beams.survival[0] * beams.survival[1]
         once = both * single[..., 0]
         direct = once + both * albedo * jnp.sum(coupling**2 * again, axis=-1)
-    b_near, b_far = jnp.moveaxis(strength * near, 0, 2), jnp.moveaxis(-strength * far, 0, 2)
-    return Ports(lam * tanh, tanh, sech, b_near, b_far, once, direct)
+    # A division comes last: what ends with one, XLA computes once and not for every use.
+    near = jnp.moveaxis(strength * jnp.where(flip, bottom, top) / divisor, 0, 2)
+    far = jnp.moveaxis(strength * jnp.where(flip, top, bottom) / divisor, 0, 2)
+    return Ports(lam * tanh, tanh, sech, near, far, once, direct)
 
 
 class Fields(NamedTuple):
@@ -108,13 +117,13 @@ class Fields(NamedTuple):
 
     near: Array  # y0, sigma at the near face
     far: Array  # sigma at the far face
-    flux: Array  # f, delta at the far face
+    flux: Array  # f, delta at the far face but for the beam's
 
 
 def load_work(ports: Ports, fields: Fields) -> Array:
     """b . x of every layer, of each beam with the field of the other, (layers, batch, beams)."""
     other = slice(None, None, -1) if ports.near.shape[2] == 2 else slice(1, 2)
-    return jnp.sum(ports.near * fields.near[:, :, other] + ports.far * fields.flux[:, :, other], axis=-1)
+    return jnp.sum(ports.near * fields.near[:, :, other] + ports.far * fields.far[:, :, other], axis=-1)
 
 
 def stored(ports: Ports, fields: Fields) -> Array:
@@ -147,14 +156,22 @@ def by_albedo(
 
 
 def by_thickness(
-    albedo: Array, modes: Modes, beams: Beams, mirrored: Bool[np.ndarray, "l"], thickness: Array, fields: Fields
+    albedo: Array,
+    modes: Modes,
+    ports: Ports,
+    beams: Beams,
+    mirrored: Bool[np.ndarray, "l"],
+    thickness: Array,
+    fields: Fields,
 ) -> Array:
     """What a thin slab of the layer's own medium adds at its far face, per thickness, (layers, batch).
 
     The dimming of what lies below the slab is not in it.
     """
     below = beams.survival * jnp.where(mirrored[:, None], 1.0, jnp.exp(-beams.decay[:, None] * thickness))
-    (u0, u1), (f0, f1) = (jnp.moveaxis(field, 2, 0) for field in (fields.far, fields.flux))
+    # With one beam only the field of the light is driven by one; that of the view is diffuse everywhere.
+    driven = jnp.pad(ports.far, [(0, 0), (0, 0), (0, 2 - ports.far.shape[2]), (0, 0)])
+    (u0, u1), (f0, f1) = (jnp.moveaxis(field, 2, 0) for field in (fields.far, fields.flux + driven))
     first = jnp.sum(modes.coupling * u0, axis=-1)
     second = jnp.sum(modes.coupling * u1, axis=-1)
     lit = below[0] * second + (below[1] * first + below[0] * below[1] if below.shape[0] == 2 else 0.0)

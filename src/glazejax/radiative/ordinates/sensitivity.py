@@ -120,7 +120,15 @@ def _diffuse_on_ground(system: System, solution: SolvedFields) -> Array:
 def _by_thickness(system: System, solution: SolvedFields) -> Array:
     """By each layer's thickness, top layer first, (layers, batch), but for the factor C."""
     _, mirrored, back = order(system.thickness.shape[0])
-    slab = by_thickness(system.albedo, system.modes, system.beams, mirrored, system.thickness, solution.fields)
+    slab = by_thickness(
+        system.albedo,
+        modes=system.modes,
+        ports=system.ports,
+        beams=system.beams,
+        mirrored=mirrored,
+        thickness=system.thickness,
+        fields=solution.fields,
+    )
     # A slab at a layer's far face dims the beams for all that lies below it.
     decay = system.beams.decay.T
     works = jnp.sum(load_work(system.ports, solution.fields) * decay, axis=-1)

@@ -147,7 +147,7 @@ class _Memory(NamedTuple):
 
     inverse: Array  # (I + D r z r)^-1, z the half's impedance in modes
     admittance: Array  # inverse (r z r)
-    source: Array  # r s, in modes
+    source: Array  # r s, in modes, what the layer's beams drive out of its far face included
     passed: Array  # inverse (r s)
 
 
@@ -195,16 +195,14 @@ def _eliminate(impedance: Array, source: Array, layer: _Layer) -> tuple[_Half, A
     identity = jnp.eye(impedance.shape[-1], dtype=impedance.dtype)
     # (I + Z T)^-1 in a symmetric scaling: exact for an empty layer, and small where T is large.
     inverse = inverse_positive(identity + layer.thickness[..., None, None] * impedance)
+    source += layer.scale[..., None, :] * layer.far
     # Vectors are no further rows of the matrices: joining them costs more than two products more.
     admittance, passed = product(impedance, inverse), product(source, inverse)
-    far = layer.far / layer.scale[..., None, :]
-    answer = passed + product(far, admittance)
     gain = layer.thickness[..., None] * source[..., 1, :] * passed[..., 0, :]
-    gain -= passed[..., 1, :] * far[..., 0, :] + far[..., 1, :] * answer[..., 0, :]
     through = layer.sech / layer.scale
     outward = through[..., :, None] * admittance * through[..., None, :] + _diagonal(layer.restoring)
     back = transposed(layer.vectors)
-    loads = product(layer.near + through[..., None, :] * answer, back)
+    loads = product(layer.near + through[..., None, :] * passed, back)
     half = _Half(product(layer.vectors, product(outward, back)), loads)
     return half, jnp.sum(gain, axis=(0, -1)), _Memory(inverse, admittance, source, passed)
 
@@ -213,7 +211,7 @@ def _recover(sigma: Array, layer: _Layer, memory: _Memory) -> tuple[Array, Field
     """From sigma at a layer's near face (halves, batch, 2, n) to that at its far face, with the layer's fields."""
     near = product(sigma, layer.vectors)
     scale = layer.scale[..., None, :]
-    driven = (layer.sech[..., None, :] * near - layer.far) / scale
+    driven = layer.sech[..., None, :] * near / scale
     far = scale * product(driven + layer.thickness[..., None, None] * memory.source, memory.inverse)
     flux = (product(driven, memory.admittance) - memory.passed) / scale
     return product(far, transposed(layer.vectors)), Fields(near, far, flux)
