@@ -29,7 +29,6 @@ from glazejax.radiative.common.fresnel import dielectric_reflectance
 from glazejax.radiative.twoflux import saunderson, two_flux_reflectance
 from glazejax.spectra import Numbers
 
-REVISION = 1
 NEEDS = ("data/golden",)
 
 TABLE = Path(glazejax.__file__).parent / "catalogue" / "acrylics.csv"

@@ -2,6 +2,7 @@
 
     python -m benchmarks.all --quick [--out FOLDER] [--only NAME ...] [--limit SECONDS] [--resume]
     python -m benchmarks.all --list
+    python -m benchmarks.all --older
 
 Each runs in a process of its own, with `--quick`, and writes its results and NAME.log to FOLDER; the committed results
 stay as they are. What needs a package, a program, data or a GPU that is not here is left out and said, and so are parts
@@ -9,7 +10,8 @@ of a benchmark, such as one of several programs it compares. The table at the en
 that nothing is lost when the run is stopped; `--resume` goes on from there and runs again what failed. The exit status
 is 0 if nothing failed, 1 if something did, 130 if the run was stopped. Figures are those of `benchmarks.figures` that
 the small run has too; one that differs from the committed one by more than `--factor` is told. That is a hint and no
-fault: sizes are small, and other machines have other times.
+fault: sizes are small, and other machines have other times. `--older` runs nothing: it lists the results that are older
+than the code they measure, by how often that has changed since (`benchmarks/older.py`).
 """
 
 import argparse
@@ -28,8 +30,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple, NoReturn
 
-from benchmarks import figures
-from benchmarks.results import FOLDER, HERE, QUICK_FOLDER, declared, head, modules
+from benchmarks import figures, older
+from benchmarks.results import FOLDER, HERE, QUICK_FOLDER, declared, modules
 
 # Ends what hangs; each takes a minute or two of two idle cores.
 SECONDS = 600.0
@@ -169,16 +171,13 @@ def chosen(only: list[str] | None) -> list[Path]:
 
 
 def done_before(module: Path, folder: Path) -> tuple[float, float] | None:
-    """Seconds and processor seconds that it took, if the folder holds its small result of today's revision.
+    """Seconds and processor seconds that it took, if it ran to its end before.
 
-    A result alone is not enough: a benchmark may have written it and failed later.
+    Its log says so. A result alone is not enough: a benchmark may have written it and failed later.
     """
-    try:
-        ours = head(module.stem, folder).revision == declared(module, "REVISION", 0)
-        last = (folder / f"{module.stem}.log").read_text(errors="replace").splitlines()[-1:]
-    except (ValueError, OSError):
-        return None
-    found = ENDED.fullmatch(last[0]) if ours and last else None
+    log = folder / f"{module.stem}.log"
+    last = log.read_text(errors="replace").splitlines()[-1:] if log.is_file() else []
+    found = ENDED.fullmatch(last[0]) if last else None
     return (float(found[1]), float(found[2])) if found else None
 
 
@@ -186,6 +185,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--quick", action="store_true", help="run them; full sizes are run one by one, by hand")
     parser.add_argument("--list", action="store_true", help="name every benchmark and what it lacks here")
+    parser.add_argument("--older", action="store_true", help="list results that are older than the code they measure")
     parser.add_argument("--out", type=Path, default=QUICK_FOLDER, help="folder for results (default: %(default)s)")
     parser.add_argument("--only", nargs="+", metavar="NAME", help="these benchmarks")
     parser.add_argument("--limit", type=float, default=SECONDS, help="seconds for each (default: %(default)s)")
@@ -195,8 +195,13 @@ def main() -> None:
     if options.list:
         print(listed())
         return
+    if options.older:
+        print(older.table())
+        return
     if not options.quick:
-        parser.error("say --quick, or --list; a benchmark of full size is run by itself: python -m benchmarks.NAME")
+        parser.error(
+            "say --quick, --list or --older; a benchmark of full size is run by itself: python -m benchmarks.NAME"
+        )
     if options.out.resolve() == FOLDER.resolve():
         raise SystemExit(f"--out {options.out}: the committed results are of full size; choose another folder")
     sys.exit(run_all(chosen(options.only), options))

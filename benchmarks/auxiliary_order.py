@@ -16,7 +16,6 @@ from benchmarks.results import Results, add_option
 from glazejax import stack_reflectance_factor
 from glazejax.radiative.auxiliary.uniform import reflectance_factor
 
-REVISION = 1
 NEEDS = ("matplotlib",)
 
 STEPS = (0.32, 0.16, 0.08, 0.04, 0.02, 0.01)

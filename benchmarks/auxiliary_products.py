@@ -23,8 +23,6 @@ from glazejax.radiative.auxiliary.kernel_table import KernelTable
 from glazejax.radiative.auxiliary.uniform import reflectance_factor
 from glazejax.radiative.auxiliary.uniform_solver import GridSettings, solve
 
-REVISION = 1
-
 WAYS = {"one by one": "matrix", "matrices": "matrices", "transforms": "fft"}
 STEP, INDEX, GROUND = 0.01, 1.5, 0.8
 # (segments of the thickest, wavelengths, glazes)

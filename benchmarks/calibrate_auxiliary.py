@@ -20,7 +20,6 @@ from glazejax.radiative.auxiliary import graded as auxiliary_graded
 from glazejax.radiative.auxiliary.panels import Mesh
 from glazejax.radiative.common.stack_arrays import Stack
 
-REVISION = 1
 NO_RESULT = "takes hours; its meshes' errors are held by `tests/radiative`"
 
 INDICES = (1.0, 1.02, 1.33, 1.5, 2.5)

@@ -21,8 +21,6 @@ from glazejax.radiative.ordinates import solver as ordinates
 from glazejax.radiative.ordinates.resolution import resolve_known
 from glazejax.radiative.stack import INDEX_RANGE
 
-REVISION = 1
-
 TOLERANCES = tuple(10.0**-k for k in range(2, 11))
 INDICES = (1.0, 1.000001, 1.0001, 1.02, 1.1, 1.33, 1.5, 1.7, 1.85, 2.5)
 FINEST = Resolution(36, 30, crowded=True)

@@ -27,8 +27,6 @@ from benchmarks.results import Results, add_option
 from glazejax import catalogue, samples
 from glazejax.appearance.scene.file import example
 
-REVISION = 1
-
 # Runs a command as its entry point does, and adds up what JAX's monitoring says.
 _RUN = """
 import json, sys

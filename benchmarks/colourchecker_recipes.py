@@ -18,7 +18,6 @@ from glazefit.recipe.plots import recipe_figure
 from glazejax import colour
 from glazejax.commands.main import start_jax
 
-REVISION = 1
 NEEDS = ("matplotlib",)
 
 SEEN = gj.Bidirectional(45, 0)

@@ -26,7 +26,6 @@ import numpy as np
 
 from benchmarks.results import Results, add_option
 
-REVISION = 1
 NEEDS = ("matplotlib",)
 
 GROUP = 100

@@ -27,7 +27,6 @@ import numpy as np
 from benchmarks.coverage import simulate
 from benchmarks.results import Results, add_option
 
-REVISION = 1
 NEEDS = ("matplotlib",)
 
 WALKERS = (32, 128, 512)

@@ -1,10 +1,10 @@
-"""Figures by name: each number that README and docs quote from `benchmarks/results`, read from its file.
+"""Figures by name: each number that README and docs take from `benchmarks/results`, read from its file.
 
     python -m benchmarks.figures [NAME ...]
 
-prints them. `figure("scaling.million_seconds")` is the text that the docs say, `value` the number before rounding. What
-stands before the dot is the file of results. The lists are `benchmarks/figures_optics.py`, `figures_paints.py` and
-`figures_render.py`; `tests/test_numbers.py` holds README and docs to them.
+prints them; `python -m benchmarks.fill` writes them into the texts. `figure("scaling.million_seconds")` is the text
+that the docs say, `value` the number before rounding. What stands before the dot is the file of results. The lists are
+`benchmarks/figures_optics.py`, `figures_paints.py` and `figures_render.py`.
 """
 
 import argparse
@@ -36,16 +36,23 @@ class Figure:
     style: str
     unit: str = ""
 
-    def said(self, number: float) -> str:
-        """The number as text. A half goes up, as people round: 3.55 is 3.6."""
+    def said(self, number: float, style: str | None = None) -> str:
+        """The number as text, in another style if one is given. A half goes up, as people round: 3.55 is 3.6.
+
+        Raises:
+            ValueError: there is no such style.
+        """
+        style = style or self.style
+        if not re.fullmatch(r",?\.\d+[fge]|\ds", style):
+            raise ValueError(f"no style is called {style!r}; there are such as .1f, ,.0f, .2e, .3g and 2s")
         # Twelve digits, so that a half is a half after a division too.
         exact = Decimal(f"{number:.12g}")
-        if self.style.endswith("s"):
-            places = Decimal(1).scaleb(exact.adjusted() - int(self.style[:-1]) + 1)
+        if style.endswith("s"):
+            places = Decimal(1).scaleb(exact.adjusted() - int(style[:-1]) + 1)
             return f"{exact.quantize(places, ROUND_HALF_UP):.0f}"
-        if self.style.endswith("f"):
-            exact = exact.quantize(Decimal(1).scaleb(-int(self.style.rstrip("f").partition(".")[2])), ROUND_HALF_UP)
-        return re.sub(r"e\+?(-?)0*", r"e\1", format(exact, self.style))
+        if style.endswith("f"):
+            exact = exact.quantize(Decimal(1).scaleb(-int(style.rstrip("f").partition(".")[2])), ROUND_HALF_UP)
+        return re.sub(r"e\+?(-?)0*(?=\d)", r"e\1", format(exact, style))
 
 
 def number(text: str) -> float:
@@ -131,22 +138,13 @@ def value(name: str, folder: Path = FOLDER) -> float:
         raise ValueError(f"figure {name}: {path.name} does not hold it: {error}") from None
 
 
-def figure(name: str, folder: Path = FOLDER) -> str:
-    """A figure as text, for instance `figure("calibrate_directions.worst")` is `0.82`.
+def figure(name: str, folder: Path = FOLDER, style: str | None = None) -> str:
+    """A figure as text, for instance `figure("calibrate_directions.worst")` is `0.82`; in another style if given.
 
     Raises:
         ValueError: as `value`.
     """
-    return of(name).said(value(name, folder))
-
-
-def with_unit(name: str, folder: Path = FOLDER) -> str:
-    """A figure and its unit, for instance `0.6 s`, `85 %` or, where it has none, `0.82`.
-
-    Raises:
-        ValueError: as `value`.
-    """
-    return f"{figure(name, folder)} {of(name).unit}".rstrip()
+    return of(name).said(value(name, folder), style)
 
 
 def of(name: str) -> Figure:
@@ -202,7 +200,7 @@ def main() -> None:
     width = max(map(len, wanted))
     try:
         for name in wanted:
-            print(f"{name:{width}}  {with_unit(name, options.folder)}")
+            print(f"{name:{width}}  {figure(name, options.folder)} {of(name).unit}".rstrip())
     except ValueError as error:
         raise SystemExit(str(error)) from None
 

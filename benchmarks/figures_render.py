@@ -25,11 +25,12 @@ _MATERIALS = {
 }
 for _key, _row in _MATERIALS.items():
     add("mitsuba_plugin", ".1f" if _key == "measured" else ".0f", **{f"{_key}_eval": cell(_row, 0)})
-    add("mitsuba_plugin", ".2f", **{f"{_key}_paths": cell(_row, 3)})
+    if _key != "roughplastic":
+        add("mitsuba_plugin", ".2f", **{f"{_key}_paths": cell(_row, 3)})
     if _key in ("smooth", "rough"):
         add("mitsuba_plugin", ".0f s", **{f"{_key}_load": cell(_row, 4)})
-    if _key not in ("roughplastic", "measured"):
         add("mitsuba_plugin", ".0f", **{f"{_key}_kb": cell(_row, 5)})
+    if _key not in ("roughplastic", "measured"):
         add("mitsuba_plugin", ".1e", **{f"{_key}_stated": cell(_row, 6)})
     if not _key.endswith("_map"):
         add(
@@ -110,16 +111,16 @@ def _openpbr(after: str, column: int, chosen: Choice = lambda _: True) -> Callab
     return read
 
 
-for _what in ("albedo", "sky", "lamp"):
+for _what in ("albedo", "sky"):
     add(
         "openpbr_fit",
         ".1f times",
         **{
             f"gain_{_what}_least": found(rf"naive over fit, {_what}: (\S+) to"),
             f"gain_{_what}_most": found(rf"naive over fit, {_what}: \S+ to (\S+),"),
-            f"gain_{_what}": found(rf"naive over fit, {_what}: .* median (\S+)"),
         },
     )
+add("openpbr_fit", ".1f times", gain_lamp=found(r"naive over fit, lamp: .* median (\S+)"))
 _FITTED, _ROUGH = "fit for MaterialX's node graph", "a rough surface (alpha of GGX"
 for _key, _stack in (("eosin", "eosin 2 um on white"), ("white", "zinc white 100 um")):
     for _when, _back in (("naive", -4), ("fit", -3)):
@@ -128,7 +129,7 @@ for _key, _stack in (("eosin", "eosin 2 um on white"), ("white", "zinc white 100
 for _what, _back in (("sky", -5), ("lamp", -3)):
     _read = _openpbr(_FITTED, _back)
     add("openpbr_fit", ".1f", **{f"{_what}_least": _min(_read), f"{_what}_most": _max(_read)})
-add("openpbr_fit", ".2f", rms_most=_max(_openpbr(_FITTED, -1)), rms_naive_most=_max(_openpbr(_FITTED, -2)))
+add("openpbr_fit", ".2f", rms_most=_max(_openpbr(_FITTED, -1)))
 _RECIPROCAL = "RMS of materialx over reciprocal: "
 add("openpbr_fit", ".1f times", reciprocal_least=found(rf"{_RECIPROCAL}(\S+) to"))
 add("openpbr_fit", "1s times", reciprocal_most=found(rf"{_RECIPROCAL}\S+ to (\S+),"))
@@ -209,11 +210,13 @@ for _key, _rule, _which in (
 ):
     _read = _column(_RULES, _rule, _which)
     add("layered_truth", ".2f", **{f"{_key}_least": _min(_read), f"{_key}_most": _max(_read)})
-for _key, _rule in (("scaling", _SCALING), ("openpbr", _OPENPBR), ("belcour", _BELCOUR)):
+for _key, _rule in (("scaling", _SCALING), ("openpbr", _OPENPBR)):
     add("layered_truth", ".2f", **{f"{_key}_haze": _max(_column(_RULES, _rule, _haze))})
 for _key, _rule in (("openpbr", _OPENPBR), ("belcour", _BELCOUR)):
-    for _what, _start in (("varnish", "varnish 1.5 on white 1.4"), ("tint", "tint 1.4 on dark 1.7")):
-        add("layered_truth", ".2f", **{f"{_key}_two_indices_{_what}": _max(_column(_RULES, _rule, _called(_start)))})
+    _read = _column(_RULES, _rule, _called("tint 1.4 on dark 1.7"))
+    add("layered_truth", ".2f", **{f"{_key}_two_indices_tint": _max(_read)})
+_read = _column(_RULES, _OPENPBR, _called("varnish 1.5 on white 1.4"))
+add("layered_truth", ".2f", openpbr_two_indices_varnish=_max(_read))
 _FACTOR, _PER_CENT = "Root mean square error of the reflectance factor", "Root mean square error relative to it"
 for _k, _key in enumerate(("scaling", "reciprocal", "openpbr", "belcour")):
     _style = ".2f" if _k < 2 else ".3f"

@@ -37,7 +37,6 @@ from benchmarks.peers import Work, installed, ours, sasktran, two_layers, withou
 from benchmarks.results import Results, add_option
 from benchmarks.timing import interleaved
 
-REVISION = 1
 NEEDS = ("matplotlib",)
 PARTS_NEED = ("nanodisort", "sasktran2", "PythonicDISORT", "iadpython", "threadpoolctl")
 

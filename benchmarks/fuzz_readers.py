@@ -23,8 +23,6 @@ from typing import Any
 
 from benchmarks.results import FOLDER, Results, add_option
 
-REVISION = 1
-
 SECONDS = 10.0
 MEMORY = 200 << 20
 # The parent gives a process up that does not even hear its own alarm.

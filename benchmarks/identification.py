@@ -28,7 +28,6 @@ from glazejax import Hemispherical, Pigment, catalogue
 from glazejax.commands.main import start_jax
 from glazejax.radiative.common import threads
 
-REVISION = 1
 NEEDS = ("data/kimera", "data/rrt", "data/hyppigments")
 
 UNIT = 25e-6

@@ -22,8 +22,6 @@ import glazejax as gj
 from benchmarks.results import Results, add_option
 from glazejax import colour
 
-REVISION = 1
-
 GRID = np.arange(400.0, 701.0, 10.0)
 RANGES = {"upper": (0.0, 6e-6), "lower": (0.0, 40e-6), "share": (0.0, 1.0)}
 FIXED = {"upper": 2e-6, "lower": 30e-6, "share": 0.5}

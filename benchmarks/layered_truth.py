@@ -23,7 +23,6 @@ from benchmarks.layered_stacks import BANDS, INCIDENCES, STACKS, VIEWS, LayeredS
 from benchmarks.layered_values import Values
 from benchmarks.results import Results, add_option
 
-REVISION = 1
 FINE = {"rough": 1e-5, "ordinates": 1e-8, "manyflux": 1e-6}
 """Tolerance of the table, by method."""
 FEW = ("clear varnish on white, smooth", "tint on a bare ground, .1", "varnish 1.5 on white 1.4, smooth")

@@ -25,8 +25,6 @@ import numpy as np
 
 from benchmarks.results import Results, add_option
 
-REVISION = 1
-
 GRID = np.arange(400.0, 701.0, 50.0)
 GROUNDS = np.array([0.03, 0.93])
 GLAZE, BODY = 8e-6, 30e-6

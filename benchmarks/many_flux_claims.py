@@ -24,8 +24,6 @@ from benchmarks.many_flux_paths import ALBEDO, BANDS, DIRECTIONS, INCIDENCE, PAT
 from benchmarks.results import Results, add_option
 from benchmarks.timing import interleaved
 
-REVISION = 1
-
 COSINES = (np.arange(BANDS) + 0.5)[::-1] / BANDS
 AZIMUTH = (np.arange(SECTORS) + 0.5) * 360.0 / SECTORS
 CELL = int(np.argmin(np.abs(COSINES - np.cos(np.deg2rad(INCIDENCE)))))

@@ -19,7 +19,6 @@ import numpy as np
 
 from benchmarks.results import Results, add_option
 
-REVISION = 1
 NEEDS = ("PythonicDISORT",)
 
 STREAMS = (24, 32, 48, 64)

@@ -32,7 +32,6 @@ from glazejax.appearance.scene.scene import Camera, Scene
 from glazejax.appearance.scene.shapes import Box, Plane, Shape, Sphere
 from glazejax.appearance.scene.variants import usable_variant
 
-REVISION = 2
 NEEDS = ("mitsuba", "matplotlib")
 
 WAVELENGTHS = np.arange(400.0, 701.0, 10.0)

@@ -21,7 +21,6 @@ import glazejax as gj
 from benchmarks.results import Results, add_option
 from benchmarks.strokes import brush_strokes
 
-REVISION = 1
 NEEDS = ("mitsuba",)
 
 WAVELENGTHS = np.arange(400.0, 701.0, 10.0)

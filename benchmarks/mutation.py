@@ -32,7 +32,6 @@ from typing import Any
 from benchmarks.mutation_sites import Mutant, mutated, sample
 from benchmarks.results import Results, add_option
 
-REVISION = 1
 NEEDS = ("long", "cosmic_ray", "coverage", "pytest", "hypothesis")
 
 ROOT = Path(__file__).parents[1]

@@ -30,7 +30,6 @@ from glazejax.appearance import shading
 from glazejax.appearance.metals import metal
 from glazejax.commands.main import start_jax
 
-REVISION = 1
 NEEDS = ("matplotlib",)
 
 ANGLES = np.arange(0.0, 87.6, 2.5)

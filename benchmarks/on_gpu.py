@@ -28,7 +28,6 @@ import numpy as np
 from benchmarks import device
 from benchmarks.results import Results, add_option
 
-REVISION = 1
 NEEDS = ("gpu",)
 NO_RESULT = "no machine with an NVIDIA GPU has run it yet"
 

@@ -22,7 +22,6 @@ from glazejax.colour import encoded_srgb
 from glazejax.paint.describe import name_paints, parse_layers
 from glazejax.stacks import all_paints
 
-REVISION = 1
 NEEDS = ("matplotlib",)
 
 STACKS: tuple[tuple[str, tuple[str, float, float]], ...] = (

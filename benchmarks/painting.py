@@ -24,7 +24,6 @@ from benchmarks.results import Results, add_option
 from glazefit.mapping.example import painting, write_painting
 from glazefit.mapping.scene import FOREIGN
 
-REVISION = 1
 NEEDS = ("zarr", "dask", "distributed")
 
 _SEED, _OTHER = 3, 4

@@ -22,8 +22,6 @@ from glazefit.mapping.example import PLACES, Painting, painting
 from glazejax import Glaze, Hemispherical, Layer, Mixture, Pigment, reflectance
 from glazejax.catalogue import family
 
-REVISION = 1
-
 Spectra = Float[np.ndarray, "pixels bands"]
 Shares = Float[np.ndarray, "pixels paints"]
 

@@ -30,7 +30,6 @@ from benchmarks.paper_tables import (
 )
 from benchmarks.results import Results, add_option
 
-REVISION = 1
 NEEDS = ("matplotlib",)
 
 STEP, COARSE = 0.01, 0.04

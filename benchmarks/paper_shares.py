@@ -22,8 +22,6 @@ from glazejax.radiative.auxiliary import assembly, uniform
 from glazejax.radiative.auxiliary.kernel_table import KernelTable
 from glazejax.radiative.auxiliary.uniform_solver import GridSettings
 
-REVISION = 1
-
 OWN, FIXED = "own step, decomposed", "fixed step"
 CHOSEN = ("a/b", "b/c", "c/d")
 """A thick, a middle and a thin pair."""

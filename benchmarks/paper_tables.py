@@ -27,7 +27,6 @@ from glazejax.radiative.auxiliary.kernel_table import KernelTable
 from glazejax.radiative.auxiliary.uniform import reflectance_factor
 from glazejax.radiative.common.linalg import solve_positive
 
-REVISION = 1
 NEEDS = ("matplotlib",)
 
 WAVELENGTHS = np.arange(380.0, 781.0, 10.0)

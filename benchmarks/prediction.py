@@ -7,12 +7,13 @@ with a 90 % band as wide as the other films left out say. Both models go through
 and expectations; only what one film reflects differs. Mixing laws are compared the same way. Films of the same recipes
 are simulated too, faultless and with scatter of strength, and each measured mixture is calibrated by its reading over
 white and predicted over black. With --scan, what is expected beforehand is varied instead; its lines are kept as they
-come, and a scan that was stopped goes on from there.
+come, and a scan that was stopped goes on from there at the same commit.
 """
 
 import argparse
 import dataclasses
 import json
+import re
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,7 +24,7 @@ from scipy.stats import spearmanr
 
 from benchmarks.kubelka_munk import KubelkaMunk
 from benchmarks.measured import FEW, measured_films
-from benchmarks.results import Results, add_option, progress
+from benchmarks.results import Results, add_option, commit, progress
 from glazefit.film.films import Films, Instrument, Noise, cards
 from glazefit.film.mixing import MixingLaw
 from glazefit.film.simulate import simulate_films
@@ -35,7 +36,6 @@ from glazefit.recover.prediction import predict_films
 from glazejax import catalogue
 from glazejax.commands.main import start_jax
 
-REVISION = 1
 NEEDS = ("data/revigo",)
 
 Recipes = dict[str, dict[str, float]]
@@ -199,17 +199,20 @@ def table(scores: dict[str, Scores], recipes: Recipes) -> str:
 
 
 def scan(films: Films, recipes: Recipes, part: Path) -> str:
-    """Prediction errors as expectations vary, a line each; `part` holds the lines that are done, by revision and name.
+    """Prediction errors as expectations vary, a line each; `part` holds the lines that are done, by commit and name.
 
     Raises:
         OSError: `part` cannot be written.
     """
     part.parent.mkdir(parents=True, exist_ok=True)
-    done: dict[str, str] = json.loads(part.read_text()) if part.is_file() else {}
+    at = commit()
+    # Of code that is not committed nobody knows whether it is still the same.
+    known = part.is_file() and re.fullmatch(r"commit \w+", at)
+    done: dict[str, str] = json.loads(part.read_text()) if known else {}
     lines = ["Delta E00 of films left out       mean  median  tints  shades  fitted  in 90 % band"]
     for changed in SCAN:
         name = ", ".join(f"{key} {value}" for key, value in changed.items()) or "as by default"
-        key = f"revision {REVISION}, each {EVERY}: {name}"
+        key = f"{at}, each {EVERY}: {name}"
         if key not in done:
             out = leave_out(films, recipes, name, again=False, expectations=Expectations(**changed)).out
             of = kinds(out.names, recipes)

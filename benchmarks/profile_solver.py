@@ -25,8 +25,6 @@ from benchmarks.peers import ours, two_layers
 from benchmarks.results import Results, add_option
 from glazejax.radiative.ordinates.resolution import resolve_known
 
-REVISION = 1
-
 PARTS = ("modes", "assemble", "inverse", "eliminate")
 REPETITIONS = 100
 COPIES = (1, 100)

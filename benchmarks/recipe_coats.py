@@ -15,8 +15,6 @@ from benchmarks.results import Results, add_option
 from glazefit import Recipe, colourchecker_targets, find_recipes
 from glazejax.commands.main import start_jax
 
-REVISION = 1
-
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)

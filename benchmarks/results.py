@@ -2,13 +2,13 @@
 
 Every file begins with a head, two lines and an empty one:
 
-    made 2026-11-23 by python -m benchmarks.tubes --paints 50; glazejax 0.1.0, revision 2
+    made 2026-11-23 at commit 1a2b3c4 by python -m benchmarks.tubes --paints 50; glazejax 0.1.0
     x86_64, AMD EPYC, 2 cores, load 0.3; Python 3.11.7, jax 0.9.2
 
-The load is how many processes wanted the processor in the minute before. The revision is the benchmark's: its module
-says `REVISION = 2`, and says 3 when the next change of code, there or in what it measures, alters its numbers.
-`tests/test_results.py` fails where a file is behind. `head` reads what stands there; of files that were made before
-heads were kept it says when they were committed. A benchmark of which no result is kept says why: `NO_RESULT = "..."`.
+It says `commit 1a2b3c4 with changes` where code had changes that were not committed, and `no commit` outside of git.
+The load is how many processes wanted the processor in the minute before. Results from before heads told the commit say
+`kept at commit` instead, the one in which their numbers came into the repository. `head` reads all of these. A
+benchmark of which no result is kept says why: `NO_RESULT = "..."`.
 """
 
 import argparse
@@ -17,6 +17,7 @@ import datetime
 import os
 import re
 import shlex
+import subprocess
 import sys
 import tempfile
 from collections.abc import Sequence
@@ -116,32 +117,46 @@ class Results:
 class Head:
     """What a result file says of itself.
 
-    date: when it was made, or committed if that is all that is known, as 2026-11-23.
-    made: the date is that of the run.
+    date: when it was made, at the latest.
+    commit: at which it was made or kept; empty if it was made outside of git.
     command: that made it; of older files without its options, which were not kept.
-    revision: of the benchmark that made it.
-    machine: machine and versions in one line; empty where they were not kept.
     """
 
     date: str
-    made: bool
+    commit: str
     command: str
-    revision: int
-    machine: str
 
 
-_MADE = re.compile(r"made (\d{4}-\d\d-\d\d) by (.+); glazejax (\S+), revision (\d+)")
-_COMMITTED = re.compile(r"committed (\d{4}-\d\d-\d\d), made before dates were kept, by (.+); revision (\d+)")
-_MACHINE = re.compile(r"\w+, [^;,]+, \d+ cores?\b[^;]*; Python [^;]*")
+_HEAD = re.compile(
+    r"made (?P<date>\d{4}-\d\d-\d\d)(?: or before)?(?:, kept)? "
+    r"at (?:commit (?P<commit>[0-9a-f]+)(?: with changes)?|no commit),? by (?P<command>.+?)(?:; glazejax \S+)?"
+)
+
+
+def git(*words: str) -> str:
+    """What git says of this repository; empty where there is none, or git fails."""
+    try:
+        done = subprocess.run(["git", *words], cwd=HERE.parent, capture_output=True, text=True, check=False)
+    except FileNotFoundError:
+        return ""
+    return done.stdout.strip() if done.returncode == 0 else ""
+
+
+def commit() -> str:
+    """At which commit this is, as heads say it."""
+    # A copy without git may lie in the folder of another repository.
+    if not git("ls-files", "benchmarks/results.py"):
+        return "no commit"
+    changes = git("status", "--porcelain", "--untracked-files=no", "--", "src", "fitting", "benchmarks/*.py")
+    return f"commit {git('rev-parse', '--short', 'HEAD')}" + " with changes" * bool(changes)
 
 
 def new_head(name: str, packages: Sequence[str] = ()) -> list[str]:
     """Head of the result NAME, made now by this process."""
     from benchmarks.timing import environment
 
-    module = module_of(name)
-    by = f"glazejax {version('glazejax')}, revision {declared(module, 'REVISION', 0)}"
-    return [f"made {datetime.date.today()} by {_command(module)}; {by}", environment(*packages), ""]
+    by = f"{_command(module_of(name))}; glazejax {version('glazejax')}"
+    return [f"made {datetime.date.today()} at {commit()} by {by}", environment(*packages), ""]
 
 
 def _command(module: Path) -> str:
@@ -164,12 +179,8 @@ def head(name: str, folder: Path = FOLDER) -> Head:
     path = Path(folder) / f"{name}.txt"
     if not path.is_file():
         raise ValueError(f"there is no result {name}.txt in {folder}")
-    lines = path.read_text().splitlines()
-    machine = next((found[0] for line in lines[1:7] if (found := _MACHINE.search(line))), "")
-    if made := _MADE.fullmatch(lines[0]):
-        return Head(made[1], True, made[2], int(made[4]), machine)
-    if committed := _COMMITTED.fullmatch(lines[0]):
-        return Head(committed[1], False, committed[2], int(committed[3]), machine)
+    if found := _HEAD.fullmatch(path.read_text().partition("\n")[0]):
+        return Head(date=found["date"], commit=found["commit"] or "", command=found["command"])
     raise ValueError(f"{path.name} has no head: run `python -m benchmarks.{module_of(name).stem}` again")
 
 
@@ -191,7 +202,7 @@ def module_of(name: str) -> Path:
 
 
 def declared(module: Path, name: str, default: Any = None) -> Any:
-    """What a module says at its top, `REVISION = 2`, without importing it: it may need what is not installed."""
+    """What a module says at its top, `NEEDS = ("gpu",)`, without importing it: it may need what is not installed."""
     for node in ast.parse(module.read_text()).body:
         if isinstance(node, ast.Assign) and any(isinstance(t, ast.Name) and t.id == name for t in node.targets):
             return ast.literal_eval(node.value)

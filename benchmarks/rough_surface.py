@@ -28,8 +28,6 @@ from glazejax.radiative import rough
 from glazejax.radiative.rough import resolution
 from glazejax.radiative.rough.basis import Size
 
-REVISION = 2
-
 FINE = Size(12, 24, 3.0, 64, 64, (40, 40))
 SURFACES = ((0.05, 1.5), (0.3, 1.5), (0.5, 1.7), (0.1, 1.05), (1e-3, 1.5), (1.0, 1.5), (0.2, 2.5))
 TOLERANCES = (1e-3, 1e-4, 1e-5)

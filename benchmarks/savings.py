@@ -27,8 +27,6 @@ from benchmarks.results import Results, add_option
 from benchmarks.strokes import brush_strokes, primed_canvas
 from benchmarks.timing import interleaved
 
-REVISION = 1
-
 PAINTS = ("UltramarineBlue", "ChromeYellow")
 GROUND = 0.85
 PICTURE_SIZE = 512

@@ -29,7 +29,6 @@ from benchmarks.peers import Work, cdisort, installed, two_layers
 from benchmarks.results import Results, add_option
 from benchmarks.timing import interleaved
 
-REVISION = 1
 NEEDS = ("matplotlib",)
 PARTS_NEED = ("nanodisort",)
 

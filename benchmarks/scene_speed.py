@@ -24,8 +24,6 @@ from glazejax.appearance.scene.render import render
 from glazejax.appearance.scene.scene import Camera, Scene
 from glazejax.appearance.scene.shapes import Box, Plane, Sphere
 
-REVISION = 1
-
 WAVELENGTHS = np.arange(400.0, 701.0, 10.0)
 
 

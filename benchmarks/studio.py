@@ -26,7 +26,6 @@ import numpy as np
 
 from benchmarks.results import Results, add_option
 
-REVISION = 1
 NEEDS = ("selenium", "program/chromium", "program/chromedriver")
 
 COATS = ("CobaltBlue", "ZincWhite", "Vermillion", "ChromeYellow", "Eosin", "ViridianGreen", "LeadWhite", "Minium")

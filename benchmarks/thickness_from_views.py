@@ -19,7 +19,6 @@ import glazejax as gj
 from benchmarks.results import Results, add_option
 from benchmarks.strokes import brush_strokes
 
-REVISION = 1
 NEEDS = ("mitsuba", "matplotlib")
 
 PAINT, GROUND, MOST, START = "UltramarineBlue", 0.8, 6e-6, 1.4e-6

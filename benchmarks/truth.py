@@ -27,7 +27,6 @@ from glazefit.recover.joint import recover_jointly
 from glazejax import Bidirectional, Pigment
 from glazejax.commands.main import start_jax
 
-REVISION = 1
 NEEDS = ("data/revigo", "matplotlib")
 
 COLOURLESS = ("ZincWhite", "LeadWhite", "BoneBlack", "BariumSulphate", "CalciumCarbonate")

@@ -39,7 +39,6 @@ from glazejax import Pigment, catalogue
 from glazejax.commands.main import start_jax
 from glazejax.spectra import describe_grid
 
-REVISION = 1
 NEEDS = ("data/revigo",)
 
 NOISE = Noise(0.002, 0.0)

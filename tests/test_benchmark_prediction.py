@@ -30,6 +30,7 @@ def scanned(tmp_path, monkeypatch):
         return SimpleNamespace(out=found)
 
     monkeypatch.setattr(prediction, "leave_out", leave_out)
+    monkeypatch.setattr(prediction, "commit", lambda: "commit 1a2b3c4")
     recipes = RECIPES | {"deep": {"Red": 95.0, "BoneBlack": 5.0}}
     films: Any = SimpleNamespace(names=tuple(recipes))
     return lambda: prediction.scan(films, recipes, part), fitted, part
@@ -54,11 +55,13 @@ def test_a_scan_goes_on_where_it_was_stopped(scanned):
     assert [float(line.split()[0]) for line in lines[1:]] == list(range(1, len(prediction.SCAN) + 1))
 
 
-def test_a_scan_of_another_revision_starts_anew(scanned, monkeypatch):
+@pytest.mark.parametrize("before", ["commit 1a2b3c4", "commit 5d6e7f8 with changes", "no commit"])
+def test_a_scan_of_other_code_starts_anew(scanned, monkeypatch, before):
     run, fitted, part = scanned
     part.with_suffix(".go").parent.mkdir()
     part.with_suffix(".go").touch()
+    monkeypatch.setattr(prediction, "commit", lambda: before)
     run()
-    monkeypatch.setattr(prediction, "REVISION", prediction.REVISION + 1)
+    monkeypatch.setattr(prediction, "commit", lambda: before.replace("1a2b3c4", "5d6e7f8"))
     run()
     assert len(fitted) == 2 * len(prediction.SCAN)

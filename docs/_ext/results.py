@@ -1,49 +1,34 @@
-"""Pages of the benchmarks' results, and the role `{result}`: a figure taken from them when the site is built.
+"""Pages of the benchmarks' results, and links to them from numbers.
 
-``{result}`scaling.million_seconds` `` becomes the figure of that name (`python -m benchmarks.figures` prints all), with
-a link to the page of the file that it stands in. A name that is not there, or a result in which it is not found, ends
-the build.
+On the forge a mark behind a number, `0.6<!--scaling.million_seconds-->`, is not seen (`benchmarks/fill.py`). Here the
+number is a link to the page of its result.
 """
 
 import ast
 import re
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from benchmarks.figures import figure
+from benchmarks.fill import with_marks
 from benchmarks.results import declared, head, module_of, modules
-from docutils import nodes
 from pages_of_repository import DOCS, RESULTS, write_if_new
 from reading import folded
-from sphinx import addnodes
-from sphinx.application import Sphinx
-from sphinx.util.docutils import SphinxRole
+
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
 
 
-class Result(SphinxRole):
-    """A figure by its name, as a link to its result's page."""
+def with_links(text: str) -> str:
+    """A Markdown text in which each marked number is a link to the page of its result."""
 
-    def run(self) -> tuple[list[nodes.Node], list[nodes.system_message]]:
-        """The link."""
-        try:
-            said = figure(self.text)
-        except ValueError as error:
-            message = self.inliner.reporter.error(f"no result {self.text!r}: {error}", line=self.lineno)
-            return [], [message]
-        result = self.text.partition(".")[0]
-        self.env.note_dependency(str(RESULTS / f"{result}.txt"))
-        link = addnodes.pending_xref(
-            "",
-            nodes.inline("", said),
-            refdomain="std",
-            reftype="doc",
-            reftarget=f"/results/{result}",
-            refexplicit=True,
-            refwarn=True,
-        )
-        link["refdoc"] = self.env.docname
-        link["classes"].append("result")
-        return [link], []
+    def link(match: re.Match[str]) -> str:
+        return f"[{match['number']}](/results/{match['name'].partition('.')[0]}.md){{.result}}"
+
+    return with_marks(text, link)
+
+
+def _link(app: "Sphinx", name: str, content: list[str]) -> None:
+    content[0] = with_links(content[0])
 
 
 def _about(path: Path) -> str:
@@ -69,7 +54,7 @@ def _without(files: list[Path]) -> list[str]:
     return ["## Not run yet", "", *lines, ""] if lines else []
 
 
-def _write(app: Sphinx) -> None:
+def _write(app: "Sphinx") -> None:
     folder = DOCS / "results"
     files = sorted(RESULTS.glob("*.txt"))
     for path in files:
@@ -101,8 +86,8 @@ def _write(app: Sphinx) -> None:
             path.unlink()
 
 
-def setup(app: Sphinx) -> dict[str, Any]:
+def setup(app: "Sphinx") -> dict[str, Any]:
     """Called by Sphinx."""
     app.connect("builder-inited", _write)
-    app.add_role("result", Result())
+    app.connect("source-read", _link)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
