@@ -35,7 +35,9 @@ def flux(q, d, ground):
     return stack_hemispherical_reflectance(q, d, ground, cos_incidence=0.8, tolerance=1e-4)
 
 
-@pytest.mark.parametrize("layers", [1, 2, 9])
+@pytest.mark.parametrize(
+    "layers", [2, pytest.param(1, marks=pytest.mark.slow), pytest.param(9, marks=pytest.mark.slow)]
+)
 def test_stacks_and_their_gradients(layers):
     inputs = stacks(layers)
     for f in (factor, flux):

@@ -1,4 +1,4 @@
-"""Documents hold together: links lead somewhere, commands have these options, figures and pictures are there.
+"""Documents hold together: links lead somewhere, commands have these options, examples run, pictures have words.
 
 The site itself is built by `.ci/run`: it executes the notebooks, and a warning ends it.
 """
@@ -11,10 +11,12 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmarks.fill import MADE, documents
 
 from glazejax.appearance.scene.file import example
 from glazejax.appearance.scene.variants import works
@@ -24,22 +26,16 @@ DOCS = ROOT / "docs"
 sys.path.insert(0, str(DOCS / "_ext"))
 
 from docstrings import as_links, join_returns, short_defaults  # noqa: E402
-from notebook_times import too_slow  # noqa: E402
+from notebook_times import slow_notebooks  # noqa: E402
 from offline import faults_of  # noqa: E402
 from pages_of_repository import TEXTS, links_for_site  # noqa: E402
 from reading import code_that_breaks, folded, modules_that_break, pictures_that_open  # noqa: E402
 from reference import as_markdown  # noqa: E402
+from results import with_links  # noqa: E402
 
-MADE = {"reference", "results", "project"}
-"""Folders of the site that are written when it is built."""
-PAGES = [
-    *(path for path in DOCS.rglob("*.md") if not ({"_build", *MADE} & set(path.relative_to(DOCS).parts))),
-    *(ROOT / name for name in ("README.md", *TEXTS)),
-]
+PAGES = [*documents(), *(ROOT / text for text in TEXTS)]
 NOTEBOOKS = [path for path in PAGES if path.parent.name == "notebooks" and "code-cell" in path.read_text("utf-8")]
 _FENCE = re.compile(r"^ *(`{3,})([^\n]*)\n(.*?)^ *\1 *$", re.MULTILINE | re.DOTALL)
-each_page = pytest.mark.parametrize("page", PAGES, ids=lambda path: path.relative_to(ROOT).as_posix())
-each_notebook = pytest.mark.parametrize("page", NOTEBOOKS, ids=lambda path: path.stem)
 
 
 def blocks(page: Path, kind: str) -> list[str]:
@@ -59,6 +55,11 @@ def anchors(page: Path) -> set[str]:
     return {re.sub(r"[^\w\- ]", "", word).replace(" ", "-") for word in words}
 
 
+def name(page: Path) -> str:
+    """A page as a fault names it."""
+    return page.relative_to(ROOT).as_posix()
+
+
 def source_of(page: Path) -> Path | None:
     """What a page that the site makes is made of; None for one of the reference."""
     inside = page.relative_to(DOCS).with_suffix("")
@@ -69,82 +70,85 @@ def source_of(page: Path) -> Path | None:
     return None
 
 
-@each_page
-def test_links_lead_to_what_is_there(page):
-    for target in re.findall(r"\]\(([^)\s]+)\)", prose(page)):
-        if re.match(r"[a-z]+:", target):
-            continue
-        path, _, anchor = target.partition("#")
-        there: Path | None = page if not path else (page.parent / path).resolve()
-        if there is not None and MADE & set(there.parts) and there.is_relative_to(DOCS):
-            there = source_of(there)
-        if there is None:
-            continue  # Sphinx knows the reference's pages, and warns
-        assert there.exists(), f"{page.name} links to {target}"
-        if anchor and there.suffix == ".md":
-            assert anchor in anchors(there), f"{page.name} links to {target}; headings are {sorted(anchors(there))}"
+def test_links_lead_to_what_is_there():
+    faults = []
+    for page in PAGES:
+        for target in re.findall(r"\]\(([^)\s]+)\)", prose(page)):
+            if re.match(r"[a-z]+:", target):
+                continue
+            path, _, anchor = target.partition("#")
+            there: Path | None = page if not path else (page.parent / path).resolve()
+            if there is not None and MADE & set(there.parts) and there.is_relative_to(DOCS):
+                there = source_of(there)
+            if there is None:
+                continue  # Sphinx knows the reference's pages, and warns
+            if not there.exists() or (anchor and there.suffix == ".md" and anchor not in anchors(there)):
+                faults.append(f"{name(page)} links to {target}")
+    assert not faults, "\n".join(faults)
 
 
-@each_page
-def test_pictures_have_words(page):
-    assert all(len(words) > 10 for words in re.findall(r"!\[([^\]]*)\]", prose(page)))
-
-
-def _commands() -> dict[str, set[str]]:
-    """Options of each sub-command."""
+def test_commands_have_these_options():
+    """In blocks of code, and in backquotes."""
     import typer.main
 
     from glazejax.commands.main import make_app
 
-    group = typer.main.get_command(make_app())
-    return {
-        name: {flag for one in command.params for flag in (*one.opts, *one.secondary_opts)} | {"--help"}
-        for name, command in group.commands.items()  # type: ignore[attr-defined]
+    commands = typer.main.get_command(make_app()).commands  # type: ignore[attr-defined]
+    options = {
+        command: {flag for one in made.params for flag in (*one.opts, *one.secondary_opts)} | {"--help"}
+        for command, made in commands.items()
     }
+    faults = []
+    for page in (page for page in PAGES if page.name != "CHANGELOG.md"):
+        shown = [line for kind in ("sh", "{code-cell}") for block in blocks(page, kind) for line in block.splitlines()]
+        shown += [" ".join(span.split()) for span in re.findall(r"(?<!`)`(glazejax [^`]+)`(?!`)", prose(page))]
+        for line in shown:
+            for command, rest in re.findall(r"(?:^!?|[\s/])glazejax ([a-z]+) (.*?)(?:&&|$)", line.replace("\\", "")):
+                given = set(re.findall(r"(?<![\w-])(--?[a-z][a-z-]*)", re.sub(r"'[^']*'|\"[^\"]*\"", "", rest)))
+                if command in options and given - options[command]:
+                    faults.append(f"{name(page)}: glazejax {command} has no {given - options[command]}")
+    assert not faults, "\n".join(faults)
 
 
-@pytest.fixture(scope="module")
-def commands() -> dict[str, set[str]]:
-    return _commands()
+def test_every_command_and_every_extra_is_told():
+    """In the lists of what there is; of extras, those for who changes the program are told to them."""
+    told = (DOCS / "what-there-is.md").read_text("utf-8")
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+    commands = project["entry-points"]["glazejax.commands"]
+    assert not [command for command in commands if f"| `glazejax {command}` |" not in told]
+    extras = set(project["optional-dependencies"]) - {"release"}
+    assert not [extra for extra in extras if not re.search(rf"^\| (?:`\w+`, )?`{extra}`", told, re.MULTILINE)]
 
 
-@each_page
-def test_commands_have_these_options(page, commands):
-    lines = [line for kind in ("sh", "{code-cell}") for block in blocks(page, kind) for line in block.splitlines()]
-    for line in lines:
-        for said in re.findall(r"(?:^!?|[\s/])glazejax ((?:[a-z]+) .*?)(?:&&|$)", line.replace("\\", "")):
-            name, _, rest = said.partition(" ")
-            if name not in commands:
-                continue
-            given = set(re.findall(r"(?<![\w-])(--?[a-z][a-z-]*)", re.sub(r"'[^']*'|\"[^\"]*\"", "", rest)))
-            assert given <= commands[name], f"{page.name}: glazejax {name} has no {given - commands[name]}"
+def test_pictures_have_words():
+    """The site's build looks at all pictures; here those of notebooks, which programs draw."""
+    faults = []
+    for page in NOTEBOOKS:
+        cells = blocks(page, "{code-cell}")
+        drawn = [cell for cell in cells if "plt.show()" in cell]
+        worded = [cell for cell in drawn if re.search(r"^ +alt: \"[^\"]{20,}\"$", cell, re.MULTILINE)]
+        if not drawn or worded != drawn or any("plt.subplots" in cell and cell not in drawn for cell in cells):
+            faults.append(f"{name(page)}: each notebook has a picture, each picture is shown and has an `alt`")
+    for page in PAGES:
+        faults += [
+            f"{name(page)}: a picture has no words but {words!r}"
+            for words in re.findall(r"!\[([^\]]*)\]", prose(page))
+            if len(words) <= 10
+        ]
+    assert not faults, "\n".join(faults)
 
 
-@each_notebook
-def test_a_notebook_says_what_its_pictures_show(page):
-    cells = blocks(page, "{code-cell}")
-    drawn = [cell for cell in cells if "plt.show()" in cell]
-    assert drawn, "a notebook has a picture"
-    assert all(re.search(r"^ +alt: \"[^\"]{20,}\"$", cell, re.MULTILINE) for cell in drawn)
-    assert not any("plt.subplots" in cell and "plt.show()" not in cell for cell in cells)
-
-
-@each_notebook
-def test_a_notebook_begins_in_double_precision(page):
-    assert 'jax.config.update("jax_enable_x64", True)' in blocks(page, "{code-cell}")[0]
-
-
-def test_every_notebook_is_in_the_list():
+def test_notebooks_begin_in_double_precision_and_are_listed():
+    begun = [page for page in NOTEBOOKS if 'update("jax_enable_x64", True)' in blocks(page, "{code-cell}")[0]]
+    assert begun == NOTEBOOKS
     listed = (DOCS / "notebooks" / "index.md").read_text("utf-8").split()
     assert {page.stem for page in NOTEBOOKS} == {name for name in listed if (DOCS / f"notebooks/{name}.md").is_file()}
 
 
-PYTHON = [(page, n) for page in PAGES for n, _ in enumerate(blocks(page, "python"))]
-
-
-@pytest.mark.parametrize(("page", "n"), PYTHON, ids=lambda value: getattr(value, "stem", value))
-def test_python_is_python(page, n):
-    ast.parse(blocks(page, "python")[n])
+def test_python_is_python():
+    for page in PAGES:
+        for block in blocks(page, "python"):
+            ast.parse(block, filename=name(page))
 
 
 @pytest.mark.slow
@@ -272,11 +276,8 @@ def test_words_before_a_colon_are_no_type():
 
 
 def test_a_notebook_that_runs_too_long_is_told():
-    told = too_slow({"notebooks/a": 61.0, "notebooks/b": 59.0, "notebooks/c": 125.0, "notebooks/d": None}, 60.0)
-    assert [one.split(" for")[0] for one in told] == ["notebooks/c ran", "notebooks/a ran"]
-    assert "125 s" in told[0]
-    assert "60" in told[0]
-    assert too_slow({"notebooks/a": 60.0}, 60.0) == []
+    told = slow_notebooks({"notebooks/a": 61.0, "notebooks/b": 59.0, "notebooks/c": 125.0, "notebooks/d": None})
+    assert told == ["notebooks/c ran for 125 s", "notebooks/a ran for 61 s"]
 
 
 def test_links_work_on_the_site_and_on_the_forge():
@@ -286,6 +287,7 @@ def test_links_work_on_the_site_and_on_the_forge():
     assert links_for_site("![a](../benchmarks/results/truth.png)", here) == "![a](/../benchmarks/results/truth.png)"
     assert links_for_site("[a](https://b) [c](#d)", here) == "[a](https://b) [c](#d)"
     assert links_for_site("```\n[a](../README.md)\n```\n", here) == "```\n[a](../README.md)\n```\n"
+    assert with_links("| 0.6<!--scaling.million_seconds .0f--> s |") == "| [0.6](/results/scaling.md){.result} s |"
 
 
 def test_spelling():

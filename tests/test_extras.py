@@ -60,38 +60,6 @@ import jax
 jax.config.update("jax_enable_x64", True)
 """
 
-_WORK = """
-import numpy as np
-import glazefit
-import glazejax
-
-import glazejax.appearance.mitsuba  # which needs Mitsuba to load, not to be imported
-
-assert glazejax.appearance.mitsuba.glaze_bsdf("Eosin:2um")["type"] == "glaze"
-for package in (glazejax, glazejax.appearance, glazejax.appearance.scene, glazejax.io, glazefit):
-    for name in package.__all__:
-        getattr(package, name)
-
-assert 0 < glazejax.stack_reflectance_factor(np.array([0.9, 0.5]), np.array([1.0, 0.3]), 0.8) < 1
-paints = glazejax.catalogue.load()
-blue, white = paints["CobaltBlue"], paints["ZincWhite"]
-glaze = glazejax.Glaze([glazejax.Layer(blue, 2e-6), glazejax.Layer(white, 10e-6)], 0.6)
-spectrum = np.asarray(glazejax.reflectance(glaze, glazejax.Hemispherical(8.0)))
-assert glazejax.colour.lab(blue.wavelengths, spectrum, illuminant="D65")[2] < -20
-
-grid = np.asarray(blue.wavelengths)
-pure = [25e-6 * np.asarray(getattr(white, what))[None] for what in ("absorption", "scattering")]
-films = glazefit.simulate_films(["white"], grid, *pure)
-found = glazefit.recover_films(films)
-told = found.identifiable[0]
-assert told.any()
-assert np.abs(found.scattering[0, told] / pure[1][0, told] - 1).max() < 0.5
-
-named = glazefit.identify(films.over_black, grid, [blue, white], grounds=None, max_paints=1)
-assert named.ranked(0)[0].paints == ("ZincWhite",)
-print("done")
-"""
-
 _MISSING = """
 import glazejax.appearance.mitsuba
 import glazejax.colour
@@ -126,11 +94,6 @@ def run(code: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [sys.executable, "-c", _BLOCK + code], capture_output=True, text=True, check=False, env=environment
     )
-
-
-def test_solver_and_inverse_need_no_extra():
-    done = run(_WORK)
-    assert done.stdout == "done\n", done.stderr
 
 
 def test_a_missing_extra_is_one_sentence():

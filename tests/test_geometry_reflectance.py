@@ -114,7 +114,7 @@ def test_stacks_of_the_reference(count):
         np.testing.assert_allclose(reflectance(glaze, geometry)[:, 0], column(key), atol=2e-6, rtol=0)
 
 
-@pytest.mark.parametrize("angle", [0.0, 60.0])
+@pytest.mark.parametrize("angle", [60.0, pytest.param(0.0, marks=pytest.mark.slow)])
 def test_specular_part_is_fresnel(angle):
     glaze = Glaze([Layer(RED, 2e-5)], 0.8, [1.4, 1.5, 1.6])
     expected = [fresnel(angle, n) for n in (1.4, 1.5, 1.6)]
@@ -174,7 +174,9 @@ def test_transformations_agree(geometry):
     np.testing.assert_allclose(jax.jit(reflectance)(build(3e-5), geometry), loop[2], atol=3e-6)
 
 
-@pytest.mark.parametrize("geometry", [Bidirectional(45, 0), Hemispherical()], ids=repr)
+@pytest.mark.parametrize(
+    "geometry", [pytest.param(Bidirectional(45, 0), marks=pytest.mark.slow), Hemispherical()], ids=repr
+)
 def test_slopes_are_those_of_finite_differences(geometry):
     def mean(thickness, k, s, weight, ground):
         mixture = Mixture([Pigment("a", GRID, k, s), BLUE], jnp.stack([weight, 1 - weight]))

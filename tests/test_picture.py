@@ -76,6 +76,7 @@ def test_few_distinct_pixels_are_computed_one_by_one(paints):
     assert np.ptp(np.asarray(constant.srgb), axis=(0, 1)).max() == 0
 
 
+@pytest.mark.slow
 def test_more_than_three_maps_are_computed_pixel_by_pixel(paints, maps):
     small = [m[:17, :17] for m in (*maps, maps[0] / 2, maps[1] / 3)]
     image = gj.picture([*paints, *paints], small, 0.5, delta_e=10, savings=ALL)
