@@ -110,17 +110,17 @@ def test_coats_are_reordered_by_hand_and_by_keys(page):
 
 def test_undo_and_redo(page):
     page.slide(page.at("slider"), 1.0)
-    page.at("remove").click()
+    page.press("remove")
     page.settle()
     assert len(page.stack()["coats"]) == 1
-    page.at("undo").click()
+    page.press("undo")
     page.settle()
     assert page.stack()["coats"][0]["um"] == 10
-    page.at("undo").click()
+    page.press("undo")
     page.settle()
     assert page.stack()["coats"][0]["um"] == 1
     check_swatch(page, TWO)
-    page.at("redo").click()
+    page.press("redo")
     page.settle()
     assert page.stack()["coats"][0]["um"] == 10
 
@@ -136,18 +136,18 @@ def test_lamps_are_switched(page):
 
 
 def test_hidden_duplicated_and_mixed_coats(page):
-    page.at("hide").click()
+    page.press("hide")
     page.settle()
     stack = page.stack()
     assert stack["coats"][0]["hidden"] is True
     check_swatch(page, stack)
-    page.at("hide").click()
-    page.at("copy").click()
+    page.press("hide")
+    page.press("copy")
     page.settle()
     stack = page.stack()
     assert len(stack["coats"]) == 3
     check_swatch(page, stack)
-    page.all(".tile[data-paint='ZincWhite'] .mix")[0].click()
+    page.click(".tile[data-paint='ZincWhite'] .mix")
     page.settle()
     mixed = page.stack()
     assert any(set(coat["paint"]) == {"CobaltBlue", "ZincWhite"} for coat in mixed["coats"])
@@ -156,8 +156,8 @@ def test_hidden_duplicated_and_mixed_coats(page):
 
 def test_a_paint_from_the_shelf_lies_on_top(page):
     page.at("search").send_keys("viri")
-    [tile] = page.all(".tile")
-    tile.find_element("css selector", ".paint").click()
+    assert page.js("return [...document.querySelectorAll('.tile')].map(t => t.dataset.paint)") == ["ViridianGreen"]
+    page.click(".tile .paint")
     page.settle()
     stack = page.stack()
     assert list(stack["coats"][0]["paint"]) == ["ViridianGreen"]
@@ -165,7 +165,7 @@ def test_a_paint_from_the_shelf_lies_on_top(page):
 
 
 def test_a_pinned_colour_gets_its_difference(page):
-    page.at("pin").click()
+    page.press("pin")
     page.slide(page.at("slider"), 1.0)
     stack = page.stack()
     labs = []
@@ -275,7 +275,7 @@ def test_a_lamp_of_ones_own(page, tmp_path):
 def test_a_stroke_is_painted_undone_and_painted_again(page):
     from selenium.webdriver import ActionChains
 
-    page.at("tab-canvas").click()
+    page.press("tab-canvas")
     canvas = page.at("easel")
     page.until(lambda: page.js("return arguments[0].dataset.done", canvas), "the canvas")
     drag = ActionChains(page.browser).move_to_element_with_offset(canvas, -140, 0).click_and_hold()
@@ -291,17 +291,18 @@ def test_a_stroke_is_painted_undone_and_painted_again(page):
     page.until(lambda: near(0.35, 0.1, no_blue, "white"), "the bare canvas")
     page.until(lambda: near(0.35, 0.5, TWO, "white"), "the stroke")
     page.until(lambda: near(0.65, 0.5, TWO, "black"), "the stroke over black")
-    page.at("undo").click()
+    page.press("undo")
     page.until(lambda: near(0.35, 0.1, TWO, "white"), "the even coat")
-    page.at("redo").click()
+    page.press("redo")
     page.until(lambda: near(0.35, 0.1, no_blue, "white"), "the stroke again")
     assert near(0.35, 0.5, TWO, "white")
 
 
+@pytest.mark.slow
 def test_the_canvas_is_brushed_by_keys(page):
     from selenium.webdriver import Keys
 
-    page.at("tab-canvas").click()
+    page.press("tab-canvas")
     canvas = page.at("easel")
     page.until(lambda: page.js("return arguments[0].dataset.done", canvas), "the canvas")
     canvas.send_keys(Keys.ARROW_LEFT * 8)
@@ -316,11 +317,11 @@ def test_the_canvas_is_brushed_by_keys(page):
 
 @pytest.mark.slow
 def test_maps_are_saved_and_loaded(page, downloads):
-    page.at("tab-canvas").click()
+    page.press("tab-canvas")
     canvas = page.at("easel")
     page.until(lambda: page.js("return arguments[0].dataset.done", canvas), "the canvas")
     canvas.send_keys(" ")
-    page.at("map-npy").click()
+    page.press("map-npy")
     path = downloads / "thickness Cobalt Blue.npy"
     page.until(lambda: path.exists() and path.stat().st_size > 1 << 20, "the file")
     map_ = np.load(path)
@@ -333,9 +334,9 @@ def test_maps_are_saved_and_loaded(page, downloads):
     thick = {**TWO, "coats": [{**TWO["coats"][0], "um": 4}, TWO["coats"][1]]}
     page.until(lambda: np.abs(page.pixel("easel", 0.995, 0.5) - expected(thick, "black")).max() <= 2, "the ramp")
     # The same as a picture: white is the thickness in its name.
-    page.at("map-png").click()
+    page.press("map-png")
     picture = page.until(lambda: next(downloads.glob("thickness*white=4um.png"), None), "the picture")
-    page.at("clear").click()
+    page.press("clear")
     bare = {**TWO, "coats": [{**TWO["coats"][0], "um": 0}, TWO["coats"][1]]}
     page.until(lambda: np.abs(page.pixel("easel", 0.995, 0.5) - expected(bare, "black")).max() <= 2, "the bare canvas")
     page.at("map-file").send_keys(str(picture))
@@ -343,18 +344,18 @@ def test_maps_are_saved_and_loaded(page, downloads):
 
 
 def test_what_is_taken_away_is_what_is_seen(page, downloads):
-    page.at("tab-away").click()
-    page.at("csv").click()
+    page.press("tab-away")
+    page.press("csv")
     page.until((downloads / "spectra.csv").exists, "the table")
     table = gj.io.read_spectra(downloads / "spectra.csv")
     found = stack_from_dict(TWO)
     np.testing.assert_allclose(table["over_white"], gj.reflectance(found.glaze(), found.seen_by), atol=3e-5)
-    page.at("json").click()
+    page.press("json")
     page.until((downloads / "stack.json").exists, "the stack")
     assert gj.read_stack(downloads / "stack.json").shown == found.shown
     text = page.until(lambda: page.at("python").get_attribute("value"), "the lines")
     assert 'gj.Layer(oils["CobaltBlue"], 1e-06)' in text
-    page.at("png").click()
+    page.press("png")
     page.until((downloads / "glaze.png").exists, "the picture")
 
 
@@ -397,21 +398,23 @@ def test_two_pages_do_not_disturb_each_other(page, browser):
 
 @pytest.mark.slow
 def test_a_recipe_is_stopped_and_one_is_taken(page):
-    page.at("tab-backwards").click()
-    page.at("find").click()
-    page.until(lambda: page.all("[data-at=stop]"), "the search")[0].click()
+    page.press("tab-backwards")
+    page.press("find")
+    page.until(lambda: page.all("[data-at=stop]"), "the search")
+    page.press("stop")
     page.until(lambda: page.said() == "Stopped.", "the end")
     page.js("document.querySelector('[data-at=layers]').value = '1'")
-    page.at("find").click()
-    page.until(lambda: page.all("[data-at=take]"), "recipes", 400)[0].click()
+    page.press("find")
+    page.until(lambda: page.all("[data-at=take]"), "recipes", 400)
+    page.press("take")
     page.settle()
     stack = page.stack()
     assert len(stack["coats"]) == 1
-    page.at("tab-look").click()
+    page.press("tab-look")
     page.settle()
     wanted = np.array([0x8A, 0x4B, 0x2D])
     assert np.abs(page.pixel("swatch", 0.25, 0.5) - wanted).max() <= 6
-    page.at("undo").click()
+    page.press("undo")
     page.settle()
     assert page.stack()["coats"] == TWO["coats"]
 
@@ -428,22 +431,21 @@ def test_a_film_is_identified_and_recovered(page, tmp_path):
     write_film(tmp_path / "film.csv", "06A")
     page.drop(tmp_path / "film.csv")
     page.until(lambda: page.at("identify").is_displayed() and page.at("identify").is_enabled(), "the film")
-    page.at("identify").click()
+    page.press("identify")
     page.until(lambda: "In 06A" in page.js("return document.querySelector('.found').textContent"), "the answer", 400)
     text = page.js("return document.querySelector('.found').textContent")
     assert "none of these paints" in text
-    page.all("[data-at=take]")[0].click()
+    page.press("take")
     page.settle()
     stack = page.stack()
     assert list(stack["coats"][0]["paint"]) == ["Vermillion"]
-    page.at("recover").click()
-    page.until(lambda: page.all(".tile[data-paint='06A']"), "the paint", 400)[0].find_element(
-        "css selector", "button"
-    ).click()
+    page.press("recover")
+    page.until(lambda: page.all(".tile[data-paint='06A']"), "the paint", 400)
+    page.click(".tile[data-paint='06A'] button")
     page.settle()
     stack = page.stack()
     assert list(stack["pigments"]) == ["06A"]
-    page.at("tab-look").click()
+    page.press("tab-look")
     page.settle()
     check_swatch(page, stack)
 
@@ -453,7 +455,7 @@ def test_a_spectrum_becomes_the_ground(page, tmp_path):
     page.drop(tmp_path / "film.csv")
     page.until(lambda: "06A_ow" in page.at("aim").text, "the spectrum")
     page.js("arguments[0].value = 'spectrum'; arguments[0].dispatchEvent(new Event('change'))", page.at("ground"))
-    page.at("tab-look").click()
+    page.press("tab-look")
     page.settle()
     stack = page.stack()
     assert len(stack["ground"]["wavelengths"]) == 31
@@ -534,7 +536,7 @@ def test_nothing_is_wider_than_the_page(page, width):
     page.browser.execute_cdp_cmd("Emulation.setDeviceMetricsOverride", command)
     try:
         for tab in ("look", "canvas", "backwards", "away"):
-            page.at(f"tab-{tab}").click()
+            page.press(f"tab-{tab}")
             assert page.js("return document.documentElement.scrollWidth") <= width
     finally:
         page.browser.execute_cdp_cmd("Emulation.clearDeviceMetricsOverride", {})
