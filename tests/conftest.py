@@ -1,44 +1,52 @@
-"""Double precision, checked annotations, hypothesis without deadlines (the first call compiles), measured data."""
+"""What every test runs under: precision, quick compilation, limits of memory and time, measured data."""
 
 import ctypes
 import gc
-import math
 import os
-import resource
 import sys
 import time
 from pathlib import Path
 
-# Most of the suite's time and memory is compilation. Fast code is for users; here it is compiled quickly instead,
-# unless the programs that users run are what is to be tested. Without the emitters of fused loops compiling takes a
-# quarter of the time and memory.
+# Most of the suite's time and memory is compilation. Fast code is for users; here it is compiled quickly instead. The
+# slow tests take the usual optimisation level, but for the emitters of fused loops, a third of its time. What
+# users run is tested as they run it: `GLAZEJAX_TEST_OPTIMISED=1` (`.ci/slow` does all this).
 ELSEWHERE = os.environ.get("JAX_PLATFORMS", "cpu").split(",")[0] not in ("", "cpu")
 """Whether the tests run on a GPU: JAX_PLATFORMS=cuda, docs/gpu.md."""
 
-if os.environ.get("GLAZEJAX_TEST_OPTIMISED") != "1" and not ELSEWHERE:
-    quick = "--xla_backend_optimization_level=0 --xla_cpu_use_fusion_emitters=false"
-    os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {quick} --xla_cpu_parallel_codegen_split_count=1"
+_SIMPLE_LOOPS = "--xla_cpu_use_fusion_emitters=false"
+_FLAGS = {
+    "0": f"{_SIMPLE_LOOPS} --xla_backend_optimization_level=0 --xla_cpu_parallel_codegen_split_count=1",
+    "level": _SIMPLE_LOOPS,
+    "1": "",
+}
+flags = _FLAGS[os.environ.get("GLAZEJAX_TEST_OPTIMISED", "0")]
+# XLA takes a value without any option for the name of a file.
+if flags and not ELSEWHERE:
+    os.environ["XLA_FLAGS"] = f"{os.environ.get('XLA_FLAGS', '')} {flags}"
+
+try:
+    import resource
+except ModuleNotFoundError:  # Windows
+    resource = None
 
 import hypothesis
 import jax
 import jaxtyping
 import pytest
 
-from tests.checked import begin_test, check_annotations
-
-jax.config.update("jax_enable_x64", True)
+# GLAZEJAX_TEST_X64=0 runs the tests marked `single`, which hold in both precisions, without it.
+DOUBLE = os.environ.get("GLAZEJAX_TEST_X64") != "0"
+jax.config.update("jax_enable_x64", DOUBLE)
 jax.config.update("jax_logging_level", "CRITICAL")  # XLA calls a program taken from the cache an error
 # Programs compiled by one worker or run serve the others.
 jax.config.update("jax_compilation_cache_dir", str(Path(__file__).parents[1] / ".pytest_cache" / "xla"))
 jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
 
-# Annotations of the forward package are checked while the tests run, shapes too, in the first calls of each function in
-# each test. GLAZEJAX_CHECK_TYPES=0 leaves that out, "all" checks every call, and the inverse package.
-_CHECKED = os.environ.get("GLAZEJAX_CHECK_TYPES", "1")
-if _CHECKED == "all":
-    check_annotations(["glazejax", "glazefit"], math.inf)
-elif _CHECKED != "0":
-    check_annotations(["glazejax"], 100)
+# Annotations of the forward package, shapes too, are checked in a run of their own, which `.ci/run` makes.
+CHECKED = os.environ.get("GLAZEJAX_CHECK_TYPES") == "1"
+if CHECKED:
+    # A whole number counts as a float, as for type checkers (PEP 484).
+    jaxtyping.install_import_hook("glazejax", "beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))")
 
 hypothesis.settings.register_profile("glazejax", deadline=None, max_examples=50)
 hypothesis.settings.load_profile("glazejax")
@@ -60,9 +68,8 @@ _stayed = 0.0
 
 @pytest.fixture(autouse=True)
 def _dtypes_are_said(request):
-    """No dtype becomes another by itself, in the forward package; in the inverse one where all types are checked."""
-    forward = "fitting" not in request.path.parts or _CHECKED == "all"
-    with jax.numpy_dtype_promotion("strict" if forward else "standard"):
+    """No dtype becomes another by itself, in the forward package."""
+    with jax.numpy_dtype_promotion("standard" if "fitting" in request.path.parts else "strict"):
         yield
     if _memory() > max(_TOO_MUCH_MEMORY, _stayed + _GROWN):
         _let_programs_go()
@@ -81,14 +88,14 @@ def _programs_are_let_go():
 def _memory() -> int:
     """Bytes that this process holds now; 0 where Linux does not tell."""
     told = Path("/proc/self/statm")
-    return int(told.read_text().split()[1]) * resource.getpagesize() if told.exists() else 0
+    return int(told.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") if told.exists() else 0
 
 
 def _let_programs_go() -> None:
     global _stayed
     jax.clear_caches()
     gc.collect()
-    if hasattr(libc := ctypes.CDLL(None), "malloc_trim"):  # What glibc keeps of it goes back too.
+    if os.name == "posix" and hasattr(libc := ctypes.CDLL(None), "malloc_trim"):  # What glibc keeps goes back too.
         libc.malloc_trim(0)
     _stayed = _memory()
 
@@ -120,21 +127,48 @@ def shared_reference() -> Path:
     return _shared("GLAZEJAX_REFERENCE", "reference")
 
 
+# Files whose tests share the tables of one grid of wavelengths, which one worker makes then.
+_TOGETHER = {f"tests/mapping/test_{name}.py" for name in ("example", "page", "painting_rivals", "pictures")}
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """A worker takes whole files, in their order: each fixture and each program is made once."""
+    from xdist.scheduler import LoadFileScheduling
+
+    class Files(LoadFileScheduling):
+        def _split_scope(self, nodeid: str) -> str:
+            file = super()._split_scope(nodeid)
+            return "tests/mapping" if file in _TOGETHER else file
+
+    # The files that end a run are the short ones.
+    config.option.loadscopereorder = False
+    return Files(config, log)
+
+
+def pytest_collection_modifyitems(config, items):
+    if not DOUBLE:
+        config.hook.pytest_deselected(items=[item for item in items if not item.get_closest_marker("single")])
+        items[:] = [item for item in items if item.get_closest_marker("single")]
+
+
 _STARTED = time.monotonic()
 _BUDGET = float(os.environ.get("GLAZEJAX_TEST_SECONDS") or "inf")
-"""Seconds after which no further test begins; those left out are counted as skipped."""
+"""Seconds after which no further test begins; those left out are skipped, and named at the end."""
+_TOO_LATE = "not begun: its time was up"
 
 
 def pytest_runtest_setup(item):
-    begin_test()
     if ELSEWHERE and item.get_closest_marker("processor"):
         pytest.skip("of a CPU's programs, and JAX_PLATFORMS asks for another device")
     if time.monotonic() - _STARTED > _BUDGET:
-        pytest.skip(f"not begun: {_BUDGET:.0f} s had gone (GLAZEJAX_TEST_SECONDS)")
+        pytest.skip(f"{_TOO_LATE}, {_BUDGET:.0f} s (GLAZEJAX_TEST_SECONDS)")
 
 
 def _peak_memory() -> float:
-    """Largest memory that this process has held, GB."""
+    """Largest memory that this process has held, GB; 0 where nobody tells."""
+    if resource is None:
+        return 0.0
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1 if sys.platform == "darwin" else 1024) / 1e9
 
 
@@ -154,4 +188,8 @@ def pytest_testnodedown(node, error):
 
 
 def pytest_terminal_summary(terminalreporter):
+    late = [test.nodeid for test in terminalreporter.stats.get("skipped", []) if _TOO_LATE in str(test.longrepr)]
+    if late:
+        terminalreporter.section(f"{len(late)} tests {_TOO_LATE}")
+        terminalreporter.write_line("\n".join(sorted(late)))
     terminalreporter.write_line(f"peak memory of a worker: {max(_PEAKS or [_peak_memory()]):.1f} GB")

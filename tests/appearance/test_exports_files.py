@@ -146,6 +146,7 @@ def textures(tmp_path_factory):
     return thickness, texture_set(blue(), folder, thickness=thickness, pixel=50e-6)
 
 
+@pytest.mark.slow
 def test_a_pixel_is_the_fit_of_its_glaze(textures):
     thickness, found = textures
     picture = read_png(found.files["base_color"])

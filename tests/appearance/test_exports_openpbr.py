@@ -210,6 +210,7 @@ def test_colour_spaces():
     np.testing.assert_array_equal(outside(np.array([[0.5, 0, 1], [-0.01, 0, 0], [0, 1.2, 0]])), [0, 1, 1])
 
 
+@pytest.mark.slow
 def test_a_fit_says_how_much_its_space_cannot_hold(truth):
     assert truth.space == "acescg"
     assert fit_openpbr(truth).outside == 0

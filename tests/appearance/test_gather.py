@@ -90,6 +90,7 @@ def test_a_white_bowl_and_its_ball_are_lost_only_in_the_last_bounce():
     assert missing[0] > 2.5 * missing[1] > 6 * missing[2] > 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("bounces", "truth"), [(1, one_bounce), (8, all_bounces)])
 def test_two_joined_planes_are_those_of_paper_b(bounces, truth):
     # A lies flat from the joint to x = 1; B rises at 60 degrees; both long enough to seem endless.
@@ -114,6 +115,7 @@ def test_two_joined_planes_are_those_of_paper_b(bounces, truth):
     np.testing.assert_allclose(found, exact, atol=4e-3)
 
 
+@pytest.mark.slow
 def test_interpolation_is_near_gathering_everywhere(monkeypatch):
     # A floor and a wall: many pixels share the points, and still follow the shade into the corner.
     shapes = [Plane("m", size=(4, 4)), Plane("m", (0, 2, 1), (0, -1, 0), size=(4, 2))]

@@ -63,6 +63,7 @@ def test_it_is_what_glazejax_reflectance_says(mitsuba, paints):
         np.testing.assert_allclose(factor(mitsuba, bsdf, *cosines), told, rtol=0, atol=1e-4)
 
 
+@pytest.mark.slow
 def test_a_rough_surface_is_that_of_the_solver(mitsuba, paints):
     from glazejax.appearance.mitsuba import glaze_bsdf
     from glazejax.radiative.rough import rough_reflectance_factor, surface_reflectance_factor

@@ -93,6 +93,7 @@ def test_what_is_drawn_has_the_albedo(mitsuba, coats, roughness):
         assert noise < 0.02
 
 
+@pytest.mark.slow
 def test_derivatives_by_textures_are_those_of_the_solver(mitsuba):
     import drjit as dr
     import jax

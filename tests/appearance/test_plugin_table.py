@@ -21,7 +21,7 @@ def looked_up(body, a, b, points, ground):
 
 @pytest.mark.parametrize(
     "coats",
-    ["UltramarineBlue:3um, ZincWhite:20um", pytest.param("BoneBlack:3um, BoneBlack:2mm", marks=pytest.mark.slow)],
+    [pytest.param("UltramarineBlue:3um, ZincWhite:20um", marks=pytest.mark.slow), "BoneBlack:3um, BoneBlack:2mm"],
 )
 def test_any_thickness_and_any_ground(coats):
     """Below 2 mm of black nothing of the ground is seen."""

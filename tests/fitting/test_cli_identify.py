@@ -89,6 +89,7 @@ def test_ground_must_be_a_reflectance_a_file_or_said(table, tmp_path):
     assert "'gray sky'; the nearest is grey sky" in str(run(named, "--opaque", "--samples", "gray sky").exception)
 
 
+@pytest.mark.slow
 def test_spectra_beyond_the_catalogue_are_cut_with_a_word(tmp_path):
     wide, red = np.arange(360.0, 1001.0, 2.0), tmp_path / "wide.csv"
     write_table(red, ["nm", "red"], [[nm, 0.05 if nm < 590 else 0.6] for nm in wide])

@@ -40,6 +40,7 @@ def run(monkeypatch, tmp_path, capsys):
     return call
 
 
+@pytest.mark.slow
 def test_patches_of_a_chart(run, tmp_path):
     """Two patches with two paints in one coat at most, to the screen, a picture, a table and a file of all."""
     words = [

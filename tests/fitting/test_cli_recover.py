@@ -309,6 +309,7 @@ def test_thicknesses_in_words():
     assert _lengths(np.array([18e-6, 31.2e-6, 25e-6])) == "18 µm to 31 µm"
 
 
+@pytest.mark.slow
 def test_gauged_films_have_a_scale_of_their_own(run, tmp_path, tubes):
     file = tubes("Blue", 590, ("b", "w", "ob", "ow"))
     status, out, _ = run(file, "--out", "res", "--wet-film", "50um±20%", "--no-plots")
@@ -323,6 +324,7 @@ def test_gauged_films_have_a_scale_of_their_own(run, tmp_path, tubes):
     assert np.median(ratio) == pytest.approx(0.5, rel=0.2)
 
 
+@pytest.mark.slow
 def test_rough_spectra_are_said_to_be_noisy(run, tmp_path):
     k = np.geomspace(0.02, 2.0, GRID.size)[None]
     films = simulate_films(["01A"], GRID, k, np.ones_like(k), noise=Noise(0.004, 0.0))

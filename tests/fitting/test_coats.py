@@ -70,6 +70,7 @@ def rows(posterior) -> dict:
     return {row.quantity: row for row in posterior.summary()}
 
 
+@pytest.mark.slow
 def test_every_coat_is_found(sampled):
     found = rows(sampled)
     truth = {
@@ -91,6 +92,7 @@ def test_every_coat_is_found(sampled):
     )
 
 
+@pytest.mark.slow
 def test_chain_and_laplace_agree_where_laplace_is_trusted(sampled):
     if sampled.laplace.trusted.all():
         for name in ("thickness of coat 1", "thickness of coat 2"):
@@ -108,6 +110,7 @@ def test_arviz_has_every_coat(sampled):
     np.testing.assert_allclose(np.median(spectra, axis=0), sampled.films[0].reflectance, atol=0.01)
 
 
+@pytest.mark.slow
 def test_what_a_hiding_coat_hides_is_named():
     """Under a coat that hides everything the lower coat's posterior is its prior, and the answer says so."""
     tar = paint("tar", 3e5, 5e5)
@@ -120,6 +123,7 @@ def test_what_a_hiding_coat_hides_is_named():
     assert np.log(high / low) == pytest.approx(2 * 1.645 * PRIOR.thickness_spread, rel=0.15)
 
 
+@pytest.mark.slow
 def test_nothing_of_a_told_stack_is_called_open(sampled):
     assert not [s for s in sampled.identifiability.sentences if "thickness" in s or "fraction" in s]
 

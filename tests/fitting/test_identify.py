@@ -224,6 +224,7 @@ def test_films_over_measured_cards(paints):
     assert found.words(0).startswith("red: ")
 
 
+@pytest.mark.slow
 def test_order_of_two_coats_is_found(paints):
     spectra = []
     for order in ((3, 4), (4, 3)):
@@ -262,6 +263,7 @@ def test_bad_input_is_one_clear_error(paints):
             make()
 
 
+@pytest.mark.slow
 def test_what_is_shown_comes_near_the_reading():
     """Greys that white and black mix to: errors of 40 % of the paints would excuse another lightness."""
     known = [catalogue.pigment(name) for name in ("LeadWhite", "ZincWhite", "BoneBlack", "CalciumCarbonate")]

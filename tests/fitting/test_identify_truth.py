@@ -1,11 +1,15 @@
 """Identification says what is so: simple answers, errors that go together, what nobody told, and none of these."""
 
+import re
+
 import numpy as np
 import pytest
+from benchmarks.results import FOLDER
 
 from glazefit import Discrepancy, Identification, identify
 from glazefit.film.errors import (
     BETWEEN_FILMS,
+    MISFIT,
     error_modes,
     log_odds_of_none,
     modes_covariance,
@@ -222,3 +226,12 @@ def test_modes_of_the_catalogue_are_part_of_its_standard_deviations():
             stated.append(np.minimum(np.asarray(sd) / np.asarray(value), 0.5) ** 2)
     assert np.all(np.array(held) < 1.01 * np.array(stated))
     assert 0.8 < np.sum(held) / np.sum(stated) < 0.99
+
+
+def test_none_grows_with_the_misfit_as_films_left_out_say():
+    """The curve is not today's (see `log_odds_of_none`), but grows as that does, and lies lower by less than one."""
+    curve = re.search(r"logistic curve, all films: (\S+) \+(\S+)", (FOLDER / "truth.txt").read_text())
+    assert curve
+    intercept, slope = map(float, curve.groups())
+    assert MISFIT[1] == pytest.approx(slope, abs=0.3)
+    assert intercept - 1.0 < MISFIT[0] < intercept + 0.3

@@ -309,6 +309,7 @@ def test_draws_spread_as_laplace_says(small):
     assert np.corrcoef(off[:, 3, 0], off[:, 4, 0])[0, 1] > 0.5
 
 
+@pytest.mark.slow
 def test_films_left_out_lie_within_their_bands():
     films = painted(np.array([1.0, 0.8, 1.2, 1.0, 0.9, 1.1]), Noise())
     whole = recover_jointly(films, RECIPES)

@@ -276,12 +276,14 @@ def test_odd_films_stay_finite(k, s):
         assert np.isfinite([row.mean, row.sd, row.lower, row.upper, row.laplace_mean, row.laplace_sd]).all()
 
 
+@pytest.mark.slow
 def test_odd_films_of_paints_stay_finite():
     for film in (uniform_film(0.0, 1e-6), uniform_film(80.0, 1e-3), uniform_film(1e-3, 300.0)):
         result = posterior_of_film(film, [BLUE, WHITE], steps=60, walkers=12, thin=1)
         assert all(np.isfinite(values).all() for values in result.draws.values())
 
 
+@pytest.mark.slow
 def test_a_film_that_hides_its_ground_may_be_thicker():
     """Its posterior is narrow all the same: nobody expects so thick a film."""
     for thickness, hides in ((400e-6, True), (20e-6, False)):

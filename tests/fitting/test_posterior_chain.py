@@ -154,6 +154,7 @@ def test_file_gives_the_chain_that_memory_gives(tmp_path):
     np.testing.assert_array_equal(kept.free, held.free)
 
 
+@pytest.mark.slow
 def test_interrupt_keeps_what_is_done_and_the_rest_can_follow(tmp_path, monkeypatch):
     path = tmp_path / "c.h5"
     calls = [0]

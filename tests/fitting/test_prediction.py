@@ -63,6 +63,7 @@ def draws(recovered, name: str, **errors: float) -> np.ndarray:
     return found.draws
 
 
+@pytest.mark.slow
 def test_errors_of_the_model_are_added_to_both_cards(recovered):
     """What is added has the standard deviation that is stated, and goes together over black and white."""
     added = draws(recovered, "white", amplitude=0.02, shared=0.8) - draws(recovered, "white")

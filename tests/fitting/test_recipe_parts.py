@@ -81,6 +81,7 @@ def test_least_squares_that_did_not_settle_is_said(model, monkeypatch):
     assert refine(model, targets, start, 6).settled.any()
 
 
+@pytest.mark.slow
 def test_a_recipe_that_did_not_settle_is_named(capsys):
     recipe = find_recipes((60, 10, 10), palette(), max_paints=2, max_layers=1, count=1)[0]
     for settled in (True, False):

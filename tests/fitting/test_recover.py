@@ -169,6 +169,7 @@ def test_two_solutions_are_both_starts():
     assert np.abs(np.asarray(read) - np.asarray(first.reading)).min(axis=0).max() < 2e-3
 
 
+@pytest.mark.slow
 def test_chunks_join_to_the_whole(known):
     """With a noise that is told: told nothing, it is taken from all films that are given."""
     _, _, films, _ = known
@@ -179,6 +180,7 @@ def test_chunks_join_to_the_whole(known):
     np.testing.assert_allclose(parts[1].absorption, alone.absorption, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_compiled_program_calls_no_library_for_linear_algebra():
     size = 2
     problem = jax.tree.map(

@@ -183,6 +183,7 @@ def test_bare_cards_read_as_the_films_model_says(geometry):
     assert back == pytest.approx(float(film_back[0]), abs=3e-5)
 
 
+@pytest.mark.slow
 def test_film_by_film_at_45_0():
     instrument = Instrument.parse("45:0")
     films = simulate_films(["a"], GRID, BLUE[:1], BLUE[1:], instrument=instrument, noise=Noise(1e-4, 0.0))
@@ -353,6 +354,7 @@ def test_entries_keep_what_is_there_and_share_the_errors_of_the_white(tmp_path):
     assert not list(tmp_path.glob("*.part"))
 
 
+@pytest.mark.slow
 def test_a_tint_teaches_most_where_there_is_none():
     instrument = Instrument()
     films = painted(instrument, thickness=(20.0, 1.0)).take([0])

@@ -86,6 +86,7 @@ def test_workers_are_not_overfilled(tmp_path, client):
     assert max(ahead) <= 4
 
 
+@pytest.mark.slow
 def test_the_death_of_workers_is_survived(tmp_path, client, undisturbed):  # noqa: F811
     store = store_at(tmp_path / "map.zarr")
     killed = []
@@ -216,6 +217,7 @@ def test_no_scheduler_is_said_in_one_line():
         assert client is None
 
 
+@pytest.mark.slow
 def test_the_client_of_the_program_is_found(monkeypatch):
     with distributed.Client(n_workers=0, processes=False, dashboard_address=None) as client:
         assert client_in_scope() is client

@@ -280,6 +280,7 @@ def test_a_dask_scheduler_is_asked(tmp_path, monkeypatch, cube, mapped):
     assert int((open_map("map.zarr").status == Status.MAPPED).sum()) == 110
 
 
+@pytest.mark.slow
 def test_the_example_is_made_and_mapped(tmp_path, monkeypatch, mapped):
     monkeypatch.chdir(tmp_path)
     small = functools.partial(glazefit.mapping.example.painting, (6, 8), 8)

@@ -10,7 +10,7 @@ from glazejax.catalogue import family
 from glazejax.commands.options import read_ground
 from glazejax.io import read_cube
 
-GRID = np.linspace(400.0, 700.0, 13)
+from .truth_map import GRID
 
 
 @pytest.fixture(scope="module")

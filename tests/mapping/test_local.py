@@ -18,6 +18,9 @@ from glazefit.mapping.working import WorkingBands
 from glazejax.colour import delta_e_of_spectra
 from tests.mapping import small
 
+COUNT = 24
+"""Of spectra."""
+
 
 @dataclasses.dataclass
 class Problem:
@@ -52,7 +55,7 @@ def problem(request):
     searcher = Searcher.of(bands.wavelengths, small.paints(), opaque=request.param == "hiding", max_paints=2)
     ground = None if request.param == "hiding" else scene.ground @ bands.mean
     spectra = scene.rows(0, 24, noise=False).reshape(-1, scene.wavelengths.size)
-    readings = bands.means(spectra)[np.random.default_rng(0).choice(len(spectra), 40, replace=False)].astype(float)
+    readings = bands.means(spectra)[np.random.default_rng(0).choice(len(spectra), COUNT, replace=False)].astype(float)
     return Problem(searcher, ground, readings, sd_of(readings), searched(searcher, readings, sd_of(readings), ground))
 
 
@@ -74,6 +77,7 @@ def test_at_a_representative_it_is_the_search(problem):
     np.testing.assert_array_equal(found.explained, whole.explained)
 
 
+@pytest.mark.slow
 def test_near_a_representative_it_follows_the_search(problem):
     """Weights of candidates, amounts, fits and Delta E move as those of a new search do."""
     rng = np.random.default_rng(1)
@@ -83,7 +87,7 @@ def test_near_a_representative_it_follows_the_search(problem):
     moved, predicted, shift, fits = [], [], [], []
     # Of films that explain the spectrum: a far residual is no straight line in the amounts.
     met = np.sum(local.off**2, axis=1) < 50.0
-    for row in range(40):
+    for row in range(COUNT):
         own = np.flatnonzero((local.row == row) & met)
         changes = []
         for n in own:
@@ -120,6 +124,7 @@ def _gain(one, step):
     return float(gained(one, off, logs)[0, 0] + one.weight_by[0] @ step)
 
 
+@pytest.mark.slow
 def test_spectra_between_representatives_are_answered_as_searched(problem):
     rng = np.random.default_rng(2)
     noisy = np.maximum(problem.readings + 0.001 * rng.standard_normal(problem.readings.shape), 0.0)
@@ -130,6 +135,7 @@ def test_spectra_between_representatives_are_answered_as_searched(problem):
     assert np.median(np.abs(found.paint_probability - whole.paint_probability).max(axis=1)) < 0.05
 
 
+@pytest.mark.slow
 def test_what_is_kept_comes_back(problem):
     arrays = problem.known.arrays()
     halves = 2 * [searched(problem.searcher, problem.readings, problem.sd, problem.ground).arrays()]
@@ -137,7 +143,7 @@ def test_what_is_kept_comes_back(problem):
     for name, values in both.arrays().items():
         half = len(values) // 2
         if name == "local_row":
-            np.testing.assert_array_equal(values[half:], arrays[name] + 40)
+            np.testing.assert_array_equal(values[half:], arrays[name] + COUNT)
         else:
             np.testing.assert_allclose(values[:half], arrays[name], rtol=1e-5, atol=1e-6)
 

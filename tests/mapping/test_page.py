@@ -13,7 +13,7 @@ from glazefit.mapping.layout import Status, Way
 from glazefit.mapping.page import _WAYS, About, write_report
 from glazefit.mapping.page_sets import _spectra
 
-from .truth_map import Sums, truth_map
+from .truth_map import GRID, Sums, truth_map
 
 pytest.importorskip("xarray")
 ABOUT = About(
@@ -33,7 +33,7 @@ ABOUT = About(
 
 @pytest.fixture(scope="module")
 def made():
-    return truth_map(painting((64, 96), np.linspace(400.0, 700.0, 16), seed=2))
+    return truth_map(painting((64, 96), GRID, seed=2))
 
 
 @pytest.fixture(scope="module")

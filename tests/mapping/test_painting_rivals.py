@@ -28,7 +28,8 @@ from glazefit.mapping.example import painting
 from glazejax.catalogue import load
 from glazejax.radiative.twoflux import saunderson, two_flux_reflectance
 
-GRID = np.linspace(400.0, 700.0, 16)
+from .truth_map import GRID
+
 NAMES = ("LeadWhite", "BoneBlack", "Vermillion", "UltramarineBlue", "ChromeYellow")
 GROUND = np.full(GRID.size, 0.6)
 
@@ -190,6 +191,7 @@ def test_pixels_are_drawn_with_their_truth_and_a_perfect_map_is_right():
     assert by_coats(every, answer_of_map(mixed), scene.names) == (1, 0, 1)
 
 
+@pytest.mark.slow
 def test_rivals_are_compared_on_one_painting_and_practise_on_another():
     scene, other = painting((48, 64), GRID, seed=0), painting((48, 64), GRID, seed=1)
     rows = compared(scene, other, 60)

@@ -26,7 +26,7 @@ from glazefit.mapping.pictures import (
     paint_pictures,
 )
 
-from .truth_map import truth_map
+from .truth_map import GRID, truth_map
 
 pytest.importorskip("xarray")
 # One or two kinds of cones missing, on linear sRGB: G. Machado, M. Oliveira, L. Fernandes, IEEE TVCG 15:1291 (2009).
@@ -40,7 +40,7 @@ CONES = {
 
 @pytest.fixture(scope="module")
 def scene():
-    return painting((96, 128), np.linspace(400.0, 700.0, 16), seed=1)
+    return painting((96, 128), GRID, seed=1)
 
 
 @pytest.fixture(scope="module")

@@ -198,6 +198,7 @@ def test_closed_form_to_a_thousandth(alpha):
     assert found.error.max() < 3e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("alpha", "paths"), [(0.3, 40_000), *(pytest.param(a, 1_000_000, marks=pytest.mark.slow) for a in (0.05, 0.5))]
 )

@@ -6,7 +6,7 @@ import shutil
 import matplotlib.path
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from PIL import Image
 
@@ -96,6 +96,9 @@ def test_simple_polygons_as_matplotlib_has_them(points):
     ring = np.array(points) + 0.001
     centre = ring.mean(0)
     ring = ring[np.argsort(np.arctan2(*(ring - centre).T))]  # a star about its centre crosses itself nowhere
+    x, y = ring.T
+    # A ring that runs back on itself encloses nothing, and which of its points are inside is anybody's guess.
+    assume(abs(np.sum(x * np.roll(y, 1) - y * np.roll(x, 1))) > 1e-6)
     y, x = np.mgrid[:LINES, :SAMPLES] + 0.5
     places = np.stack([x.ravel(), y.ravel()], 1)
     path = matplotlib.path.Path(ring)
