@@ -59,6 +59,7 @@ def test_a_folder_that_is_named_counts(tmp_path):
     assert list((tmp_path / "new").glob("*-cache"))
 
 
+@pytest.mark.slow
 def test_a_disk_that_fills_up_and_is_emptied(tmp_path):
     """What could be written in part only is taken out again: the next run would stumble over it for ever."""
     assert _NOTE.fullmatch(run(tmp_path, "600"))

@@ -273,6 +273,7 @@ def test_a_table_for_mitsuba(tmp_path):
         write_measured(blue(), tmp_path / "blue.bsdf")
 
 
+@pytest.mark.slow
 def test_the_command_fits_openpbr(run, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     done = run(COATS, "--space", "acescg")

@@ -151,6 +151,7 @@ def test_adaptive_rays_are_close_to_many_rays_everywhere(rendered):
     assert few.report.rays < 0.75 * many.report.rays
 
 
+@pytest.mark.slow
 def test_only_what_is_in_view_is_prepared(rendered):
     made, report = still_life(), rendered.report
     # The sphere behind the camera is seen by no mirror either, being small; then its material is not prepared.

@@ -50,6 +50,7 @@ def start(problem, walkers=20, seed=0):
     return problem.means + problem.scales[:, None] * noise
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("unchecked")  # a stand-in is sampled
 def test_blocks_of_very_different_size_are_all_sampled_rightly():
     problem = Gaussians()

@@ -236,8 +236,10 @@ def test_arrays_that_do_not_fit_are_refused(tmp_path):
     assert not store.done()
 
 
-@pytest.mark.parametrize("number", [errno.ENOSPC, errno.EDQUOT])
-@pytest.mark.parametrize("failing", [3, 70, 150, 160])
+@pytest.mark.parametrize("number", [errno.ENOSPC, pytest.param(errno.EDQUOT, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "failing", [3, pytest.param(70, marks=pytest.mark.slow), pytest.param(150, marks=pytest.mark.slow), 160]
+)
 def test_a_full_disk_keeps_what_is_finished(tmp_path, monkeypatch, undisturbed, number, failing):
     """Every n-th file that is put in place fails, whether of an array or of a mark."""
     store = store_at(tmp_path / "map.zarr")
@@ -314,6 +316,7 @@ def test_attributes_can_be_added(tmp_path):
     assert len(MapStore.open(store.path).done()) == 25
 
 
+@pytest.mark.slow
 def test_a_run_killed_at_random_moments_ends_as_an_undisturbed_one(tmp_path, undisturbed):
     path, chance = tmp_path / "map.zarr", random.Random(18)
     source = Path(__file__).parents[2]

@@ -160,6 +160,7 @@ print(float(stack_reflectance_factor(q, d, 0.8, tolerance=1e-2, method="auxiliar
 """
 
 
+@pytest.mark.slow
 def test_bulk_work_ends():
     done = subprocess.run([sys.executable, "-c", _BULK], capture_output=True, text=True, timeout=240)
     assert done.returncode == 0, done.stderr

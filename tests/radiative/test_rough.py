@@ -205,6 +205,7 @@ def test_values_and_gradients_are_finite_at_the_edges():
     assert all(np.all(np.isfinite(s)) for s in slopes)
 
 
+@pytest.mark.slow
 def test_jit_and_vmap_and_loop_give_the_same():
     g, c = jnp.asarray(GROUND), jnp.asarray(COSINES)
     whole = _value(ALBEDO, THICKNESS, g, c, c[::-1])

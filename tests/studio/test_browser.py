@@ -80,6 +80,7 @@ def test_a_slider_changes_the_swatch_to_what_the_library_says(page):
     assert page.pixel("swatch", 0.25, 0.02).min() > 225
 
 
+@pytest.mark.slow
 def test_dragging_with_the_mouse_follows(page):
     from selenium.webdriver import ActionChains
 
@@ -164,6 +165,7 @@ def test_a_paint_from_the_shelf_lies_on_top(page):
     check_swatch(page, stack)
 
 
+@pytest.mark.slow
 def test_a_pinned_colour_gets_its_difference(page):
     page.press("pin")
     page.slide(page.at("slider"), 1.0)
@@ -176,6 +178,7 @@ def test_a_pinned_colour_gets_its_difference(page):
     assert f"{colour.delta_e_2000(*labs):.2f}" in page.at("numbers").text
 
 
+@pytest.mark.slow
 def test_a_ground_of_grey(page):
     grey = {**TWO, "ground": 0.4}
     page.open(fragment(grey))
@@ -258,6 +261,7 @@ def test_a_file_of_two_gigabytes_is_not_even_read(page, tmp_path):
     page.until(lambda: "huge.csv has 2048 MB; the studio takes files of 16 MB at most" in page.said(), "the refusal")
 
 
+@pytest.mark.slow
 def test_a_lamp_of_ones_own(page, tmp_path):
     page.js("document.querySelector('[data-at=lamp-file]').hidden = false")
     dark = tmp_path / "heater.csv"
@@ -359,6 +363,7 @@ def test_what_is_taken_away_is_what_is_seen(page, downloads):
     page.until((downloads / "glaze.png").exists, "the picture")
 
 
+@pytest.mark.slow
 def test_a_lost_connection_loses_nothing(page):
     """The server goes and comes back at the same address, as after a crash."""
     again = Served(token="again")
@@ -381,6 +386,7 @@ def test_a_lost_connection_loses_nothing(page):
         page.errors()  # of the connection that was refused
 
 
+@pytest.mark.slow
 def test_two_pages_do_not_disturb_each_other(page, browser):
     first = browser.current_window_handle
     browser.switch_to.new_window("tab")
@@ -475,6 +481,7 @@ def test_a_colour_is_picked_in_a_photograph(page, tmp_path):
     assert page.at("wanted").get_attribute("value") in {"#0ac85a", "#49ad49"}
 
 
+@pytest.mark.slow
 def test_a_colour_beyond_srgb_is_marked(page):
     page.open(fragment({**TWO, "coats": [{"paint": {"ChromeYellow": 1}, "um": 200}]}))
     found = stack_from_dict({**TWO, "coats": [{"paint": {"ChromeYellow": 1}, "um": 200}]})
@@ -530,6 +537,7 @@ def test_by_keyboard_alone(page):
     assert {"tab-look", "pin", "lamp-0", "slider", "um", "handle", "hide"} <= reached
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [1440, 1024, 390])
 def test_nothing_is_wider_than_the_page(page, width):
     command = {"width": width, "height": 900, "deviceScaleFactor": 1, "mobile": False}

@@ -99,6 +99,7 @@ def test_what_does_not_fill_a_bin_is_said(files):
         assert words in notes
 
 
+@settings(max_examples=25)
 @given(data=st.data(), kind=st.sampled_from(KINDS), each=st.sampled_from([1, 2]))
 def test_scattered_points(files, data, kind, each):
     cube = open_cube(**files[kind], binning=(each, each, 1))
@@ -178,6 +179,7 @@ def test_another_process_reads_the_same(files):
             assert found == pytest.approx(np.nansum(gappy()), rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("interleave", ["bsq", "bil", "bip"])
 def test_a_window_of_a_large_image_takes_its_own_memory_only(tmp_path, interleave):
     fields = {"lines": 8000, "samples": 2000, "bands": 200, "data type": 12, "interleave": interleave}
