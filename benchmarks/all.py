@@ -81,9 +81,13 @@ def run(module: Path, folder: Path, limit: float) -> str:
     with (folder / f"{module.stem}.log").open("w") as log:
         # A group of its own: what it starts ends with it.
         child = subprocess.Popen(
-            command, cwd=HERE.parent, stdout=log, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL,
+            command,
+            cwd=HERE.parent,
+            stdout=log,
+            stderr=subprocess.STDOUT,
+            stdin=subprocess.DEVNULL,
             start_new_session=True,
-        )  # fmt: skip
+        )
         try:
             return str(child.wait(limit))
         except subprocess.TimeoutExpired:

@@ -74,12 +74,16 @@ def simulate(
     away = np.sqrt(3.0) * np.abs(grid[:, None] - grid) / prior.error_length
     root = np.linalg.cholesky((1.0 + away) * np.exp(-away) + 1e-9 * np.eye(grid.size))
     off = np.exp(error[:, None, None] * (rng.standard_normal((count, 2, grid.size)) @ root.T))
-    optical = np.stack(
-        [
-            [sum(f * np.asarray(getattr(p, what)) for f, p in zip(fs, ps, strict=True)) for what in COEFFICIENTS]
-            for fs, ps in zip(fractions, chosen, strict=True)
-        ]
-    ) * thickness[:, None, None] * off  # fmt: skip
+    optical = (
+        np.stack(
+            [
+                [sum(f * np.asarray(getattr(p, what)) for f, p in zip(fs, ps, strict=True)) for what in COEFFICIENTS]
+                for fs, ps in zip(fractions, chosen, strict=True)
+            ]
+        )
+        * thickness[:, None, None]
+        * off
+    )
     black, white = usual_cards(grid)
     ground = np.broadcast_to(np.stack([black, white], axis=-1), (count, grid.size, 2))
 

@@ -72,9 +72,13 @@ def read(rng: np.random.Generator, optical: np.ndarray, gloss: np.ndarray, groun
     instrument, noise = Instrument(), Noise()
     k, s = (np.moveaxis(optical[:, :, i], 1, -1)[:, :, None] for i in (0, 1))
     body = stack_hemispherical_reflectance(
-        jnp.asarray(s / (k + s)), jnp.asarray(k + s), jnp.asarray(GROUNDS), refractive_index=1.5,
-        cos_incidence=instrument.cos_incidence, tolerance=1e-6,
-    )  # fmt: skip
+        jnp.asarray(s / (k + s)),
+        jnp.asarray(k + s),
+        jnp.asarray(GROUNDS),
+        refractive_index=1.5,
+        cos_incidence=instrument.cos_incidence,
+        tolerance=1e-6,
+    )
     exact = np.asarray(body) + gloss[:, None, None] * instrument.seen_surface
     seen = np.maximum(exact + noise.sd(exact) * rng.standard_normal(exact.shape), 0.0)
     under, names = np.broadcast_to(GROUNDS, seen.shape[1:]), ("black", "white")

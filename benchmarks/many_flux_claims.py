@@ -55,9 +55,16 @@ def lobe_by_fluxes(cosines: np.ndarray, azimuth: np.ndarray, **effort: Any) -> n
     from glazejax.radiative.manyflux.reflectance import brdf_table
 
     found = brdf_table(
-        [ALBEDO], [THICKNESS], 0.0, phase=henyey_greenstein(G), refractive_index=1.0,
-        cos_incidence=cosines, cos_viewing=COSINES, azimuth=azimuth, **effort,
-    )  # fmt: skip
+        [ALBEDO],
+        [THICKNESS],
+        0.0,
+        phase=henyey_greenstein(G),
+        refractive_index=1.0,
+        cos_incidence=cosines,
+        cos_viewing=COSINES,
+        azimuth=azimuth,
+        **effort,
+    )
     return np.pi * np.asarray(found)
 
 

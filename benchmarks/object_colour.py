@@ -19,11 +19,31 @@ FORMS = ("exact Fresnel", "Cook-Torrance", "Hall")
 KNOWN = "Hall, n and k known"
 COPPER = "copper-hagemann"
 """Of Palik's handbook, which the paper used."""
-COPPER_MEASURED = np.array([
-    (398, 0.261), (415, 0.290), (430, 0.317), (444, 0.334), (457, 0.348), (470, 0.383), (483, 0.396), (497, 0.410),
-    (511, 0.448), (525, 0.455), (540, 0.463), (554, 0.494), (569, 0.580), (584, 0.701), (599, 0.757), (614, 0.790),
-    (630, 0.784), (647, 0.832), (665, 0.840), (682, 0.861), (701, 0.869),
-])  # fmt: skip
+COPPER_MEASURED = np.array(
+    [
+        (398, 0.261),
+        (415, 0.290),
+        (430, 0.317),
+        (444, 0.334),
+        (457, 0.348),
+        (470, 0.383),
+        (483, 0.396),
+        (497, 0.410),
+        (511, 0.448),
+        (525, 0.455),
+        (540, 0.463),
+        (554, 0.494),
+        (569, 0.580),
+        (584, 0.701),
+        (599, 0.757),
+        (614, 0.790),
+        (630, 0.784),
+        (647, 0.832),
+        (665, 0.840),
+        (682, 0.861),
+        (701, 0.869),
+    ]
+)
 """Copper in an integrating sphere: nm, reflectance. E. W. Spisz, A. J. Weigand, R. L. Bowman, J. R. Jack, Solar
 absorptances and spectral reflectances of 12 metals, NASA TN D-5353 (1969), table II (a)."""
 

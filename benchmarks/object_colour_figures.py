@@ -179,9 +179,14 @@ def plate(form: str, light: np.ndarray, results: Results) -> np.ndarray:
     cos_facet = np.sum(view * half, axis=-1)
     fresnel = reflectances(METALS[0], cos_facet)[form]
     seen = shading.torrance_sparrow(
-        fresnel, light, towards[..., 2], view[..., 2], half[..., 2], cos_facet,
+        fresnel,
+        light,
+        towards[..., 2],
+        view[..., 2],
+        half[..., 2],
+        cos_facet,
         width=np.deg2rad(PLATE_ROUGHNESS),
-    )  # fmt: skip
+    )
     middle = np.asarray(seen)[height // 2, width // 2]
     spot = chromaticity(middle)
     results(f"  plate at {PLATE_ANGLE:g} degrees, {form:14} middle: x {spot[0]:.4f}  y {spot[1]:.4f}")

@@ -75,8 +75,10 @@ def _size(results: Results, folder: Path, side: int, bands: int, *, first: bool)
         # Programs are compiled once and kept, as on a second call of the command.
         _run(where, 0)
         results("Seconds by stage, and peak memory of the process; programs were compiled by a run before.")
-        results(f"{'pixels':>12}{'bands':>7}{'survey':>9}{'search':>9}{'check':>9}{'map':>9}{'all':>9}{'pixels/s':>10}"
-                f"{'GiB':>7}{'closed form':>13}{'own search':>12}{'saved':>8}")  # fmt: skip
+        results(
+            f"{'pixels':>12}{'bands':>7}{'survey':>9}{'search':>9}{'check':>9}{'map':>9}{'all':>9}{'pixels/s':>10}"
+            f"{'GiB':>7}{'closed form':>13}{'own search':>12}{'saved':>8}"
+        )
     said = _run(where, 0)
     stages, tallies = said["stages"], said["tallies"]
     mapped = tallies["mapped"]
@@ -193,8 +195,10 @@ def _truth(results: Results, where: Path, side: int, bands: int, pixels: int, ru
     results(
         f"  a paint's probability differs by {float(same.probability):.3f} in the median of the largest difference,"
     )
-    results(f"  by {float(same.probability_90):.3f} in nine of ten; thickness by {float(same.amount):.3f} and "
-            f"{float(same.amount_90):.3f} of its standard deviation")  # fmt: skip
+    results(
+        f"  by {float(same.probability_90):.3f} in nine of ten; thickness by {float(same.amount):.3f} and "
+        f"{float(same.amount_90):.3f} of its standard deviation"
+    )
     results(f"  the full search took {seconds * 1e3:.1f} ms a pixel")
     fine = _at_image_bands(scene, paints)
     bands = task.image.bands.count.size

@@ -484,8 +484,19 @@ def by_coats(truth: Truth, answer: Answer, names: Sequence[str]) -> tuple[float,
 
 def table(rows: Sequence[Row]) -> list[str]:
     """Lines that show scores side by side."""
-    heads = ("right set", "one coat", "two coats", "three coats", "right pigments", "main paint", "error of shares",
-             "error of amounts", "false none", "none found", "pixels a_second")  # fmt: skip
+    heads = (
+        "right set",
+        "one coat",
+        "two coats",
+        "three coats",
+        "right pigments",
+        "main paint",
+        "error of shares",
+        "error of amounts",
+        "false none",
+        "none found",
+        "pixels a_second",
+    )
     words = [head.split() for head in heads]
     lines = [" " * 30 + "".join(f"{each[line].replace('_', ' '):>10}" for each in words) for line in (0, -1)]
     for row in rows:

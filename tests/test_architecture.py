@@ -119,3 +119,17 @@ def test_ways_through_name_files_that_exist():
             for name in re.findall(r"`([\w/]+\.py)`", cell):
                 places = [folder / part / name for folder in PACKAGES.values() for part in ("", room)]
                 assert any(place.is_file() for place in places), f"{title}: {name}"
+
+
+def _positional_records(module: str) -> Iterator[str]:
+    """Calls of classes with more than six positional arguments."""
+    for node in ast.walk(ast.parse(MODULES[module].read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Call) and len(node.args) > 6:
+            name = node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", "")
+            if name == "cls" or name.lstrip("_")[:1].isupper():
+                yield f"{module}:{node.lineno} {name}"
+
+
+def test_large_records_are_built_by_keyword():
+    """Two arrays of one shape that change places are a wrong answer without a sign."""
+    assert [call for module in MODULES for call in _positional_records(module)] == []

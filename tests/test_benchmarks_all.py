@@ -96,8 +96,11 @@ def test_what_a_benchmark_needs_is_understood():
 
 # What is always there: this project, what pyproject.toml depends on, and what comes with another package.
 PLAIN = {"glazejax", "glazefit", "benchmarks", "tests", "jax", "numpy", "scipy", "equinox", "jaxtyping", "lineax"} | {
-    "optimistix", "colour", "emcee", "drjit"
-}  # fmt: skip
+    "optimistix",
+    "colour",
+    "emcee",
+    "drjit",
+}
 
 
 def imported(path):
@@ -141,8 +144,13 @@ def test_each_runs_and_what_fails_does_not_stop_the_rest(made):
     assert rows["needy"].endswith(f"left out: {missing}")
     assert "\n2 of 4 ran to the end; 1 failed: broken; 1 left out: needy\n" in table
     assert sorted(path.name for path in out.iterdir()) == [
-        "all.txt", "broken.log", "one.log", "one.txt", "two.log", "two.txt"
-    ]  # fmt: skip
+        "all.txt",
+        "broken.log",
+        "one.log",
+        "one.txt",
+        "two.log",
+        "two.txt",
+    ]
 
 
 def test_left_out_alone_is_no_failure(made):
@@ -217,9 +225,12 @@ def test_stopped_by_a_signal_it_ends_its_child_and_says_what_is_done(made, tmp_p
     )
     paths = [str(ROOT), str(ROOT / "src"), str(ROOT / "fitting")]
     process = subprocess.Popen(
-        [sys.executable, str(script)], env=os.environ | {"PYTHONPATH": os.pathsep.join(paths)}, cwd=script.parent,
-        stdout=subprocess.PIPE, text=True,
-    )  # fmt: skip
+        [sys.executable, str(script)],
+        env=os.environ | {"PYTHONPATH": os.pathsep.join(paths)},
+        cwd=script.parent,
+        stdout=subprocess.PIPE,
+        text=True,
+    )
     until = time.monotonic() + 60
     while not (out / "pid").exists() or not (out / "pid").read_text():
         assert time.monotonic() < until

@@ -128,14 +128,22 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--hemispherical": Reaches("--hemispherical", lambda g: type(g["geometry"]), Hemispherical),
         "--incidence": Reaches("--incidence 30", lambda g: g["geometry"].incidence, 30.0),
         "--viewing": Reaches("--viewing 20", lambda g: g["geometry"], Bidirectional(0.0, 20.0)),
-        "--specular": Reaches("--no-specular", lambda g: g["geometry"], Hemispherical(8.0, specular=False),
-                              base="--layers Eosin:7um --hemispherical"),
+        "--specular": Reaches(
+            "--no-specular",
+            lambda g: g["geometry"],
+            Hemispherical(8.0, specular=False),
+            base="--layers Eosin:7um --hemispherical",
+        ),
         "--illuminant": Reaches("--illuminant A", lambda g: g["illuminant"], "A"),
         "--observer": Reaches("--observer 10", lambda g: g["observer"].startswith("CIE 1964"), True),
         "--ladder": Reaches("--ladder CobaltBlue", lambda g: g["layer"], 1),
         "--pigments": Reaches(OWN_PAINTS, lambda g: float(g["glaze"].layers[0].medium.absorption[0]), 1000.0),
-        "--catalogue": Reaches("--catalogue acrylics", lambda g: g["glaze"].layers[0].medium.wavelengths[0], 380.0,
-                               base="--layers TitaniumWhite:9um"),
+        "--catalogue": Reaches(
+            "--catalogue acrylics",
+            lambda g: g["glaze"].layers[0].medium.wavelengths[0],
+            380.0,
+            base="--layers TitaniumWhite:9um",
+        ),
         "--tolerance": Reaches("--tolerance 0.001", lambda g: g["tolerance"], 0.001),
         "--out": Looked("test_render.py:test_files_are_not_overwritten_unasked"),
         "--csv": Looked("test_render.py:test_numbers_picture_and_table"),
@@ -163,8 +171,12 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--layering": Reaches("--layering reciprocal", lambda g: g["layering"], "reciprocal"),
         "--coat": Reaches("--coat", lambda g: g["coat"], True),
         "--thickness-map": Reaches("--thickness-map three.npy", lambda g: g["thickness"].shape, (1, 3), base=TEXTURES),
-        "--thickness-range": Reaches("--thickness-range 0-20um", lambda g: float(g["thickness"].max()),
-                                     pytest.approx(8e-6), base=TEXTURES.replace("thick.npy", "share.npy")),
+        "--thickness-range": Reaches(
+            "--thickness-range 0-20um",
+            lambda g: float(g["thickness"].max()),
+            pytest.approx(8e-6),
+            base=TEXTURES.replace("thick.npy", "share.npy"),
+        ),
         "--fraction-map": Reaches("--fraction-map thick.npy", lambda g: g["fraction"] is not None, True, base=TEXTURES),
         "--ground-map": Reaches("--ground-map thick.npy", lambda g: g["ground"] is not None, True, base=TEXTURES),
         "--layer": Reaches("--layer 2", lambda g: g["layer"], 1, base=TEXTURES),
@@ -214,20 +226,40 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--samples": Reaches("--samples two", lambda g: len(g["films"]), 1),
         "--masstones": Reaches("--masstones", lambda g: len(g["films"]), 1),
         "--names": Reaches("--names other.tsv", lambda g: "Umber" in str(g["films"].names), True),
-        "--thickness": Reaches("--simulate --thickness 40um", lambda g: g.get("thickness"), pytest.approx(40e-6),
-                               base="--out found --simulate"),
+        "--thickness": Reaches(
+            "--simulate --thickness 40um",
+            lambda g: g.get("thickness"),
+            pytest.approx(40e-6),
+            base="--out found --simulate",
+        ),
         **INSTRUMENT,
         **OLD_SPECULAR,
-        "--into": Reaches("--into paints.csv", lambda g: [*(g["known"] or ())], ["ZincWhite", "Own"], base=TUBE,
-                          engine="recover_jointly"),
-        "--white": Reaches("--white ZincWhite", lambda g: [*(g["known"] or ())], ["ZincWhite"], base=TUBE,
-                           engine="recover_jointly"),
-        "--wet-film": Reaches("--wet-film 80um±20%", lambda g: (g["gauge"].typical, g["gauge"].error),
-                              (pytest.approx(80e-6), 0.2), engine="recover_jointly"),
-        "--excluded": Reaches("--excluded dull.csv", lambda g: g["gloss"], {"one": pytest.approx(0.8, abs=0.05)},
-                              engine="recover_jointly"),
-        "--simulate": Reaches("--out found --simulate --samples Eosin", lambda g: [*map(name_of, g["paints"])],
-                              ["Eosin"], base=" ", engine="simulate_paints"),
+        "--into": Reaches(
+            "--into paints.csv",
+            lambda g: [*(g["known"] or ())],
+            ["ZincWhite", "Own"],
+            base=TUBE,
+            engine="recover_jointly",
+        ),
+        "--white": Reaches(
+            "--white ZincWhite", lambda g: [*(g["known"] or ())], ["ZincWhite"], base=TUBE, engine="recover_jointly"
+        ),
+        "--wet-film": Reaches(
+            "--wet-film 80um±20%",
+            lambda g: (g["gauge"].typical, g["gauge"].error),
+            (pytest.approx(80e-6), 0.2),
+            engine="recover_jointly",
+        ),
+        "--excluded": Reaches(
+            "--excluded dull.csv", lambda g: g["gloss"], {"one": pytest.approx(0.8, abs=0.05)}, engine="recover_jointly"
+        ),
+        "--simulate": Reaches(
+            "--out found --simulate --samples Eosin",
+            lambda g: [*map(name_of, g["paints"])],
+            ["Eosin"],
+            base=" ",
+            engine="simulate_paints",
+        ),
         "--seed": Reaches("--seed 7", lambda g: g["seed"], 7, base="--out found --simulate"),
         "--joint": Reaches("--joint", lambda g: "recipes" in g, True, engine="recover_jointly"),
         "--law": Reaches("--law strength", lambda g: g["law"].name, "strength", base=JOINT),
@@ -238,13 +270,18 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
     "predict": {
         "mixture": Reaches("1*Eosin+4*ZincWhite", lambda g: g["recipe"], {"Eosin": 1.0, "ZincWhite": 4.0}, base=" "),
         "--reading": Reaches("--reading one.csv", lambda g: g["films"].names, ("one",), engine="calibrate_mixture"),
-        "--samples": Reaches(f"--reading {FILMS} --samples two", lambda g: g["films"].names, ("two",),
-                             base="1*ZincWhite --reading one.csv"),
+        "--samples": Reaches(
+            f"--reading {FILMS} --samples two",
+            lambda g: g["films"].names,
+            ("two",),
+            base="1*ZincWhite --reading one.csv",
+        ),
         "--thickness": Reaches("--thickness 5um,40um", lambda g: g["thickness"], pytest.approx([5e-6, 40e-6])),
         "--csv": Looked("fitting/test_variation.py:test_command_says_how_sure_it_is"),
         "--pigments": Reaches(OWN_PAINTS, lambda g: [*g["pigments"]], ["ZincWhite", "Own"]),
-        "--catalogue": Reaches("1*TitaniumWhite --catalogue acrylics", lambda g: [*g["recipe"]], ["TitaniumWhite"],
-                               base=" "),
+        "--catalogue": Reaches(
+            "1*TitaniumWhite --catalogue acrylics", lambda g: [*g["recipe"]], ["TitaniumWhite"], base=" "
+        ),
         "--geometry": INSTRUMENT["--geometry"],
         "--refractive-index": INSTRUMENT["--refractive-index"],
         "--illuminant": Looked("fitting/test_variation.py:test_light_and_eye_reach_the_colours"),
@@ -255,8 +292,9 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--lab": Reaches("--lab 60,10,5", lambda g: "60" in g["targets"][0].name, True, base=" "),
         "--srgb": Reaches("--srgb #8a4b2d", lambda g: "8a4b2d" in g["targets"][0].name, True, base=" "),
         "--spectrum": Reaches(f"--spectrum {SPECTRA}", lambda g: len(g["targets"]), 2, base=" "),
-        "--samples": Reaches("--samples two", lambda g: [*map(name_of, g["targets"])], ["two"],
-                             base=f"--spectrum {SPECTRA}"),
+        "--samples": Reaches(
+            "--samples two", lambda g: [*map(name_of, g["targets"])], ["two"], base=f"--spectrum {SPECTRA}"
+        ),
         "--colourchecker": Reaches("--colourchecker", lambda g: len(g["targets"]), 24, base=" "),
         "--patch": Reaches("--patch white", lambda g: len(g["targets"]), 1, base="--colourchecker"),
         "--illuminants": Reaches("--illuminants D65,A", lambda g: [*g["illuminants"]], ["D65", "A"]),
@@ -294,14 +332,32 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--out": Reaches("--out other", lambda g: Path(g["path"]).parent.name, "other"),
         "--sample": Reaches("--sample two", lambda g: g["film"].names, ("two",)),
         "--paints": Reaches("--paints Eosin", lambda g: [*map(name_of, g["paints"])], ["Eosin"]),
-        "--coats": Reaches("--coats Eosin:?,ZincWhite:20um", lambda g: [c.open_thickness for c in g["coats"]],
-                           [True, False], base=f"{FILMS} --sample one --out found", engine="posterior_of_coats"),
-        "--bands": Reaches("--bands", lambda g: "paints" in g, False, base=f"{FILMS} --sample one --out found",
-                           engine="posterior_of_bands"),
-        "--pigments": Reaches(OWN_PAINTS, lambda g: float(g["paints"][0].absorption[0]), 1000.0,
-                              base=f"{FILMS} --sample one --paints ZincWhite --out found"),
-        "--ground": Reaches("--ground 0.3", lambda g: float(np.asarray(g["film"].ground).flat[0]), 0.3,
-                            base=f"{SPECTRA} --sample one --paints ZincWhite --out found --ground 0.9"),
+        "--coats": Reaches(
+            "--coats Eosin:?,ZincWhite:20um",
+            lambda g: [c.open_thickness for c in g["coats"]],
+            [True, False],
+            base=f"{FILMS} --sample one --out found",
+            engine="posterior_of_coats",
+        ),
+        "--bands": Reaches(
+            "--bands",
+            lambda g: "paints" in g,
+            False,
+            base=f"{FILMS} --sample one --out found",
+            engine="posterior_of_bands",
+        ),
+        "--pigments": Reaches(
+            OWN_PAINTS,
+            lambda g: float(g["paints"][0].absorption[0]),
+            1000.0,
+            base=f"{FILMS} --sample one --paints ZincWhite --out found",
+        ),
+        "--ground": Reaches(
+            "--ground 0.3",
+            lambda g: float(np.asarray(g["film"].ground).flat[0]),
+            0.3,
+            base=f"{SPECTRA} --sample one --paints ZincWhite --out found --ground 0.9",
+        ),
         "--thickness": Reaches("--thickness 40um", lambda g: g["prior"].thickness, pytest.approx(40e-6)),
         "--steps": Reaches("--steps 70", lambda g: g["steps"], 70),
         "--walkers": Reaches("--walkers 48", lambda g: g["walkers"], 48),
@@ -313,21 +369,30 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--model-error": Reaches("--model-error 0.2", lambda g: g["prior"].error, 0.2),
         **INSTRUMENT,
         **OLD_SPECULAR,
-        "--simulate": Reaches("--out found --paints Eosin --simulate", lambda g: g["names"], ["simulated"], base=" ",
-                              engine="simulate_films"),
+        "--simulate": Reaches(
+            "--out found --paints Eosin --simulate",
+            lambda g: g["names"],
+            ["simulated"],
+            base=" ",
+            engine="simulate_films",
+        ),
     },
     "map": {
-        "cube": Reaches("other.npy", lambda g: g["cube"].path.name, "other.npy",
-                        base="--wavelengths bands.txt --opaque"),
+        "cube": Reaches(
+            "other.npy", lambda g: g["cube"].path.name, "other.npy", base="--wavelengths bands.txt --opaque"
+        ),
         "--out": Reaches("--out other.zarr", lambda g: g["out"].name, "other.zarr"),
-        "--wavelengths": Reaches("--wavelengths bands.txt", lambda g: g["cube"].wavelengths, Path("bands.txt"),
-                                 base="cube.npy --ground 0.5"),
-        "--dataset": Reaches("--dataset two", lambda g: g["cube"].dataset, "two",
-                             base="cubes.nc --wavelengths bands.txt --ground 0.5"),
+        "--wavelengths": Reaches(
+            "--wavelengths bands.txt", lambda g: g["cube"].wavelengths, Path("bands.txt"), base="cube.npy --ground 0.5"
+        ),
+        "--dataset": Reaches(
+            "--dataset two", lambda g: g["cube"].dataset, "two", base="cubes.nc --wavelengths bands.txt --ground 0.5"
+        ),
         "--white": Reaches("--white white.txt", lambda g: g["cube"].white, Path("white.txt")),
         "--dark": Reaches("--dark dark.txt", lambda g: g["cube"].dark, Path("dark.txt"), base=WHITE),
-        "--white-reflectance": Reaches("--white-reflectance 0.9", lambda g: g["cube"].white_reflectance, 0.9,
-                                       base=WHITE),
+        "--white-reflectance": Reaches(
+            "--white-reflectance 0.9", lambda g: g["cube"].white_reflectance, 0.9, base=WHITE
+        ),
         "--scale": Reaches("--scale 1.25", lambda g: g["cube"].scale, 1.25),
         "--window": Reaches("--window 1:4,0:3", lambda g: g["cube"].window, (0, 3, 1, 4)),
         "--mask": Reaches("--mask corner.csv", lambda g: g["mask"], Path("corner.csv")),
@@ -357,7 +422,7 @@ TABLE: dict[str, dict[str, Reaches | Looked]] = {
         "--overwrite": Reaches("--overwrite", lambda g: g["overwrite"], True),
         "--example": Looked("mapping/test_command.py:test_the_example_is_made_and_mapped"),
     },
-}  # fmt: skip
+}
 
 
 @pytest.fixture(scope="module")
@@ -456,10 +521,22 @@ def test_the_computation_gets_what_the_option_says(reach, command: str, option: 
         ("identify", glazefit.identify, {"max_paints", "layers", "thorough"}),
         ("map", glazefit.map_cube, {"max_paints", "layers", "memory", "overwrite", "noise"}),
         ("posterior", glazefit.posterior_of_film, {"steps", "walkers", "thin", "seed", "resume", "overwrite"}),
-        ("recipe", glazefit.find_recipes, {"refractive_index", "test_illuminant", "max_paints", "max_layers", "count",
-                                           "metamerism", "seed", "thickness"}),
+        (
+            "recipe",
+            glazefit.find_recipes,
+            {
+                "refractive_index",
+                "test_illuminant",
+                "max_paints",
+                "max_layers",
+                "count",
+                "metamerism",
+                "seed",
+                "thickness",
+            },
+        ),
     ],
-)  # fmt: skip
+)
 def test_defaults_of_a_command_are_those_of_its_function(reach, command: str, function: Callable, names: set[str]):
     usual = inspect.signature(function).parameters
     reached = reach(command, USUAL[command])

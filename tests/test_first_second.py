@@ -40,8 +40,12 @@ def run(tmp_path, *words):
     """Number of programs compiled, and modules imported, by a command in a process of its own."""
     done = subprocess.run(
         [sys.executable, "-c", _RUN, *words],
-        capture_output=True, text=True, check=False, cwd=tmp_path, env=environment(tmp_path / "cache"),
-    )  # fmt: skip
+        capture_output=True,
+        text=True,
+        check=False,
+        cwd=tmp_path,
+        env=environment(tmp_path / "cache"),
+    )
     assert done.returncode == 0, done.stderr
     assert done.stderr == ""
     *_, programs, modules = done.stdout.splitlines()
@@ -84,8 +88,11 @@ def test_a_terminal_is_told_what_is_being_done(tmp_path, words, told):
     ours, theirs = pty.openpty()
     with subprocess.Popen(
         [sys.executable, "-m", "glazejax", *words],
-        stdout=subprocess.PIPE, stderr=theirs, cwd=tmp_path, env=environment(tmp_path / "cache"),
-    ) as process:  # fmt: skip
+        stdout=subprocess.PIPE,
+        stderr=theirs,
+        cwd=tmp_path,
+        env=environment(tmp_path / "cache"),
+    ) as process:
         os.close(theirs)
         seen = b""
         try:

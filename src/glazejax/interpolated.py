@@ -184,13 +184,13 @@ def interpolated(
     coefficients, error = builder.refine(tolerance, most_points)
     dtype = jnp.result_type(float)
     return Interpolated(
-        jnp.asarray(coefficients, dtype),
-        builder.axes,
-        names,
-        counter.shape,
-        error,
-        float(tolerance),
-        counter.count,
+        coefficients=jnp.asarray(coefficients, dtype),
+        axes=builder.axes,
+        names=names,
+        shape=counter.shape,
+        error=error,
+        tolerance=float(tolerance),
+        evaluations=counter.count,
     )
 
 

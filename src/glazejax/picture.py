@@ -109,7 +109,15 @@ def picture(
     """
     if not 0 < delta_e < 100:
         raise ValueError(f"delta_e is {delta_e}; it must be positive, such as 0.1")
-    inputs = _PictureInputs(layers, thickness_maps, substrate, geometry, refractive_index, illuminant, observer)
+    inputs = _PictureInputs(
+        layers=layers,
+        maps=thickness_maps,
+        substrate=substrate,
+        geometry=geometry,
+        refractive_index=refractive_index,
+        illuminant=illuminant,
+        observer=observer,
+    )
     tolerance = min(1e-3, _SOLVER * delta_e)
     columns, varying = inputs.varying()
     first, inverse = distinct(columns) if columns else (np.zeros(1, int), np.zeros(inputs.pixels, int))
@@ -135,7 +143,9 @@ def picture(
         values = counter(points)
     xyz = jnp.maximum(jnp.asarray(values), 0.0)[inverse].reshape(*inputs.shape, 3)
     report = f"{inputs.pixels} pixels, {len(first)} distinct, {counter.count} computed{words}"
-    return Picture(colour.xyz_to_srgb(xyz, inputs.white), xyz, report, error, counter.count)
+    return Picture(
+        srgb=colour.xyz_to_srgb(xyz, inputs.white), xyz=xyz, report=report, delta_e=error, computed=counter.count
+    )
 
 
 class _PictureInputs:

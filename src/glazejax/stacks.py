@@ -260,7 +260,14 @@ def stack_from_dict(given: Any) -> Stack:
         raise ValueError(f"geometry is {geometry!r}; write words such as 45:0 or d:8")
     parse_geometry(geometry)
     hidden = tuple(coat.get("hidden") is True for coat in listed)
-    return Stack(coats, hidden, _ground(given.get("ground", "card"), shelf), index, geometry, MappingProxyType(own))
+    return Stack(
+        coats=coats,
+        hidden=hidden,
+        ground=_ground(given.get("ground", "card"), shelf),
+        refractive_index=index,
+        geometry=geometry,
+        pigments=MappingProxyType(own),
+    )
 
 
 def _coat(number: int, given: Any, shelf: Mapping[str, Pigment]) -> Coat:

@@ -166,8 +166,17 @@ def test_looking_up_is_as_near_as_levels_allow():
     assert missed(nearest) <= missed(two) < 0.5 * missed(one)
     for colours in (GREYS, COLOURS):
         # The table's step of 1 in light and the level's: two roundings.
-        assert np.abs(255 * np.asarray(display.linear(display.to_xyz(display.look_up(display.to_xyz(colours)).rgb)
-            - display.to_xyz(colours)))).max() < 0.5 + 1.2  # fmt: skip
+        assert (
+            np.abs(
+                255
+                * np.asarray(
+                    display.linear(
+                        display.to_xyz(display.look_up(display.to_xyz(colours)).rgb) - display.to_xyz(colours)
+                    )
+                )
+            ).max()
+            < 0.5 + 1.2
+        )
     outside = display.look_up(np.array([[0.0, 80.0, 0.0], [60.0, 60.0, 60.0], [900.0, 900.0, 900.0]])).outside
     np.testing.assert_array_equal(outside, [True, False, True])
 

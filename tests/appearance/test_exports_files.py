@@ -280,8 +280,12 @@ def test_the_command_fits_openpbr(run, tmp_path, monkeypatch):
     assert done.exit_code == 0, done.output
     for words in ("UltramarineBlue 3 µm over ZincWhite 20 µm", "wrote    glaze.mtlx", "without the fit", "Delta E"):
         assert words in done.output
-    fit = fit_openpbr(gj.Glaze([gj.Layer(gj.catalogue.load()[n], d) for n, d in
-                                (("UltramarineBlue", 3e-6), ("ZincWhite", 20e-6))], 0.9), space="acescg")  # fmt: skip
+    fit = fit_openpbr(
+        gj.Glaze(
+            [gj.Layer(gj.catalogue.load()[n], d) for n, d in (("UltramarineBlue", 3e-6), ("ZincWhite", 20e-6))], 0.9
+        ),
+        space="acescg",
+    )
     assert f"RMS {fit.errors.rms:.3f}" in done.output
     given = inputs(tmp_path / "glaze.mtlx", "open_pbr_surface")["base_color"]["value"]
     np.testing.assert_allclose([float(part) for part in given.split(",")], fit.material.base_color, rtol=1e-4)
@@ -299,9 +303,16 @@ def test_the_command_reads_a_stack_and_maps(run, tmp_path):
     assert first.exit_code == 0, first.output
     assert "card of white and black: exported over white" in first.output
     second = run(
-        *words, "--thickness-map", tmp_path / "share.npy", "--thickness-range", "0-5um", "--out", tmp_path / "b",
-        "--pixel", "50um",
-    )  # fmt: skip
+        *words,
+        "--thickness-map",
+        tmp_path / "share.npy",
+        "--thickness-range",
+        "0-5um",
+        "--out",
+        tmp_path / "b",
+        "--pixel",
+        "50um",
+    )
     assert second.exit_code == 0, second.output
     pictures = [read_png(tmp_path / folder / "glaze_base_color.png") for folder in ("a", "b")]
     np.testing.assert_array_equal(pictures[0], pictures[1])

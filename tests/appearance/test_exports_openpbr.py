@@ -122,9 +122,14 @@ def test_reciprocal_layers_of_a_clear_coat_are_what_the_solver_computes(index):
     )
     for pair in ((1.0, 1.0), (0.2, 0.7)):
         solved = gj.stack_reflectance_factor(
-            np.zeros((3, 1)), np.zeros((3, 1)), ground, refractive_index=index, cos_incidence=pair[0],
-            cos_viewing=pair[1], tolerance=1e-8,
-        )  # fmt: skip
+            np.zeros((3, 1)),
+            np.zeros((3, 1)),
+            ground,
+            refractive_index=index,
+            cos_incidence=pair[0],
+            cos_viewing=pair[1],
+            tolerance=1e-8,
+        )
         found = reflectance_factor(material, *pair, layering="reciprocal", gloss=False)
         np.testing.assert_allclose(found, solved, atol=1e-6)
 

@@ -69,9 +69,13 @@ def test_a_hollow_sphere_spreads_all_the_light_of_a_lamp_that_is_not_in_the_midd
 def test_a_white_thing_cannot_be_told_from_even_surroundings(material, off):
     sky = np.linspace(0.5, 1.0, GRID.size)
     made = picture(
-        [Sphere("m")], {"m": material}, [ParallelLight((0, 0, 1), 0.0)], Camera((0, -4, 0)), background=sky,
+        [Sphere("m")],
+        {"m": material},
+        [ParallelLight((0, 0, 1), 0.0)],
+        Camera((0, -4, 0)),
+        background=sky,
         diffuse_bounces=1,
-    )  # fmt: skip
+    )
     np.testing.assert_allclose(made, np.broadcast_to(sky, made.shape), atol=off)
 
 
@@ -82,9 +86,13 @@ def test_a_white_bowl_and_its_ball_are_lost_only_in_the_last_bounce():
     missing = []
     for bounces in (1, 2, 4):
         made = picture(
-            shapes, {"m": Lambert(1.0)}, light, Camera((0, -5, 1.5), (0, 0, 0.3)), background=1.0,
+            shapes,
+            {"m": Lambert(1.0)},
+            light,
+            Camera((0, -5, 1.5), (0, 0, 0.3)),
+            background=1.0,
             diffuse_bounces=bounces,
-        )  # fmt: skip
+        )
         assert np.all(made < 1 + 1e-5)
         missing.append(float(np.mean(1 - made)))
     assert missing[0] > 2.5 * missing[1] > 6 * missing[2] > 0
@@ -107,9 +115,15 @@ def test_two_joined_planes_are_those_of_paper_b(bounces, truth):
         eye = np.array([x, 0, 0]) + 0.2 * light
         camera = Camera(tuple(eye), (x, 0, 0), up=(0, 1, 0), field_of_view=0.01)
         made = picture(
-            shapes, {"a": Lambert(a), "b": Lambert(b)}, [ParallelLight(tuple(-light), 1.0)], camera, width=1, height=1,
-            diffuse_bounces=bounces, gather_rays=8192,
-        )  # fmt: skip
+            shapes,
+            {"a": Lambert(a), "b": Lambert(b)},
+            [ParallelLight(tuple(-light), 1.0)],
+            camera,
+            width=1,
+            height=1,
+            diffuse_bounces=bounces,
+            gather_rays=8192,
+        )
         found.append(made[0, 0])
     exact = truth(a, b, light[2], light @ normal, 1.0, np.array([0.25, 0.75]), 60.0).a
     np.testing.assert_allclose(found, exact, atol=4e-3)

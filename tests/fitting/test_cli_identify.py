@@ -149,8 +149,9 @@ def test_a_report_is_filed(table, tmp_path):
     assert "--max-paints 2" in filed["command"]
     assert "--top" not in filed["command"]
     sums = {each["role"]: each["sha256"] for each in filed["inputs"]}
-    assert sums == {role: hashlib.sha256(path.read_bytes()).hexdigest() for role, path in
-                    (("FILE", table), ("--ground", ground))}  # fmt: skip
+    assert sums == {
+        role: hashlib.sha256(path.read_bytes()).hexdigest() for role, path in (("FILE", table), ("--ground", ground))
+    }
     assert filed["catalogue"]["sha256"] == catalogue.checksum()[1]
     assert set(filed["catalogue"]["paints"]) == {"Vermillion", "ZincWhite", "CobaltBlue"}
     tint = filed["spots"][1]

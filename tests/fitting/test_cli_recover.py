@@ -59,8 +59,14 @@ def test_results_are_those_of_the_library(run, tmp_path, films):
     with (tmp_path / "res" / "pigments.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert list(rows[0]) == [
-        "pigment", "wavelength_nm", "absorption", "scattering", "absorption_sd", "scattering_sd", "identifiable",
-    ]  # fmt: skip
+        "pigment",
+        "wavelength_nm",
+        "absorption",
+        "scattering",
+        "absorption_sd",
+        "scattering_sd",
+        "identifiable",
+    ]
     recovery = recover_films(films)
     assert [row["pigment"] for row in rows] == ["01A"] * 31 + ["02B"] * 31
     np.testing.assert_allclose(

@@ -298,9 +298,11 @@ def test_modes_hold_the_spectra_of_the_prior():
     """Their covariance is that of the process, but for a fiftieth of k or s at most; written out at two bands."""
     prior, grid = SpectraPrior(), np.arange(400.0, 701.0, 10.0)
     for modes, level, shape in zip(
-        prior.modes(grid), (prior.absorption_level, prior.scattering_level),
-        (prior.absorption_shape, prior.scattering_shape), strict=True,
-    ):  # fmt: skip
+        prior.modes(grid),
+        (prior.absorption_level, prior.scattering_level),
+        (prior.absorption_shape, prior.scattering_shape),
+        strict=True,
+    ):
         assert modes.shape[1] < grid.size
         covariance = modes @ modes.T
         np.testing.assert_allclose(np.diag(covariance), level**2 + shape**2, atol=0.02**2)
@@ -365,12 +367,14 @@ def test_wrong_words_are_refused(text, message):
             lambda: pose_stack(
                 [read(glazed())] * 2,
                 [COATS, [CoatPrior([RED], 1e-6, 0.1), COATS[1]]],
-                INSTRUMENT, PRIOR, SpectraPrior(),
+                INSTRUMENT,
+                PRIOR,
+                SpectraPrior(),
             ),
             "coat 1 is expected to be of other thickness",
         ),
     ],
-)  # fmt: skip
+)
 def test_bad_input(call, message):
     with pytest.raises(ValueError, match=message):
         call()

@@ -168,8 +168,10 @@ def test_bands_lose_what_a_fit_takes_away():
         gloss_sd=1e3, coefficient=0.0, unstated=0.0, level=0.0, amplitude=0.0, scales=(1.0,), weights=(1.0,)
     )
     noise = found.measured.noise_sd[0]
-    half = {name: expected_bands(found, PAINTS, INSTRUMENT, prior=Prior(), discrepancy=d)[0, 0] / 1.6448536
-            for name, d in (("known", NEAT), ("free", gloss))}  # fmt: skip
+    half = {
+        name: expected_bands(found, PAINTS, INSTRUMENT, prior=Prior(), discrepancy=d)[0, 0] / 1.6448536
+        for name, d in (("known", NEAT), ("free", gloss))
+    }
     count = spectra.size
     assert found.measured.noise_sd.shape == spectra.shape
     kept = {name: np.sum((sd / noise) ** 2) for name, sd in half.items()}

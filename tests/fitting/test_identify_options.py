@@ -123,9 +123,18 @@ def test_all_that_is_asked_for_stands_in_the_task(paints, monkeypatch, told: boo
     plain.append(Pigment("Thin", GRID, 1e4 * ones, 2e4 * ones, error_modes=modes))
     with pytest.raises(Reached) as reached:
         identify(
-            np.full((1, 2, GRID.size), 0.4), GRID, plain, grounds=0.3 if told else None, instrument=seen_by,
-            noise=noise, discrepancy=errors, prior=expected, max_paints=2, layers=2 if told else 1, names=["leaf"],
-        )  # fmt: skip
+            np.full((1, 2, GRID.size), 0.4),
+            GRID,
+            plain,
+            grounds=0.3 if told else None,
+            instrument=seen_by,
+            noise=noise,
+            discrepancy=errors,
+            prior=expected,
+            max_paints=2,
+            layers=2 if told else 1,
+            names=["leaf"],
+        )
     task, measured = reached.value.given["task"], reached.value.given["measured"]
     assert task.response == (Hemispherical(30.0), 1.3)
     assert task.optics == Optics.of(Hemispherical(30.0), 1.3)

@@ -365,8 +365,10 @@ def test_files_that_were_read_are_hashed_with_the_other_half_of_a_pair(tmp_path)
         (tmp_path / name).write_bytes(b"abc")
     seen = input_files({"FILE": tmp_path / "spectra.hdr", "--ground": None, "--pigments": tmp_path / "a.csv"})
     assert [(each["role"], each["name"].rpartition("/")[2]) for each in seen] == [
-        ("FILE", "spectra.hdr"), ("FILE", "spectra.sli"), ("--pigments", "a.csv"),
-    ]  # fmt: skip
+        ("FILE", "spectra.hdr"),
+        ("FILE", "spectra.sli"),
+        ("--pigments", "a.csv"),
+    ]
     # FIPS 180-4, the example of one block.
     assert {each["sha256"] for each in seen} == {"ba7816bf8f01cfea414140de5dae2223b00361a396177a9cb410ff61f20015ad"}
     assert input_files({"FILE": tmp_path / "gone"})[0]["sha256"] is None

@@ -114,9 +114,25 @@ def candidate(fractions: Sequence[float], coats: tuple[int, ...], condition: str
     shares, nothing = np.array(fractions), np.zeros((len(fractions), 2))
     curve = np.zeros((1, GRID.size))
     return Candidate(
-        ("A", "B", "C")[: len(fractions)], shares, shares, nothing, shares, nothing, coats, 25e-6, 1e-6, nothing[0],
-        0.9, condition, 1.0, curve, curve, 0.0, 0.0, 0.0,
-    )  # fmt: skip
+        ("A", "B", "C")[: len(fractions)],
+        shares,
+        shares,
+        nothing,
+        shares,
+        nothing,
+        coats,
+        25e-6,
+        1e-6,
+        nothing[0],
+        0.9,
+        condition,
+        1.0,
+        curve,
+        curve,
+        0.0,
+        0.0,
+        0.0,
+    )
 
 
 @pytest.mark.parametrize(

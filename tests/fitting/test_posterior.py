@@ -125,10 +125,20 @@ def test_summary_says_where_laplace_and_chain_agree(banded):
 
 def row_of(quantity: str, block: str = "film", **changed) -> Row:
     given = {
-        "mean": 0.2, "sd": 0.02, "lower": 0.17, "median": 0.2, "upper": 0.23, "laplace_mean": 0.2, "laplace_sd": 0.021,
-        "laplace_lower": 0.16, "laplace_upper": 0.24, "effective_samples": 812.3, "autocorrelation_time": 30.0,
-        "converged": True, "laplace": "agrees",
-    }  # fmt: skip
+        "mean": 0.2,
+        "sd": 0.02,
+        "lower": 0.17,
+        "median": 0.2,
+        "upper": 0.23,
+        "laplace_mean": 0.2,
+        "laplace_sd": 0.021,
+        "laplace_lower": 0.16,
+        "laplace_upper": 0.24,
+        "effective_samples": 812.3,
+        "autocorrelation_time": 30.0,
+        "converged": True,
+        "laplace": "agrees",
+    }
     return Row(quantity, block, **(given | changed))
 
 
@@ -136,10 +146,17 @@ def test_a_summary_prints_as_a_table_in_the_units_of_a_painter():
     rows = [
         row_of("fraction A & B"),
         row_of(
-            "thickness", lower=1e-5, median=2e-5, upper=3e-5, sd=5e-6, laplace_lower=9e-6, laplace_upper=2.5e-5,
-            laplace_sd=4e-6, laplace="skewed",
+            "thickness",
+            lower=1e-5,
+            median=2e-5,
+            upper=3e-5,
+            sd=5e-6,
+            laplace_lower=9e-6,
+            laplace_upper=2.5e-5,
+            laplace_sd=4e-6,
+            laplace="skewed",
         ),
-    ]  # fmt: skip
+    ]
     summary = Summary(rows, sampled=True)
     assert [*summary] == rows
     assert summary[1].median == 2e-5

@@ -32,11 +32,20 @@ def identification() -> Identification:
     given: dict[str, Any] = {
         "measured": Measured(NAMES, GRID, bands, bands, bands, bands[:, None]),
         "paints": ("Eosin", "ZincWhite", "Umber"),
-        "members": members, "coats": 0 * members, "amounts": 1e-6 * (members >= 0), "probability": five,
-        "log_covariance": np.tile(np.eye(3), (5, 2, 1, 1)), "none": five[:, 0], "misfit": five[:, 0],
-        "rejected": five < 0, "paint_probability": np.ones((5, 3)), "gloss": five, "condition": 0 * members[..., 0],
-        "fitted": np.ones((5, 2, 1, GRID.size)), "opaque": False,
-    }  # fmt: skip
+        "members": members,
+        "coats": 0 * members,
+        "amounts": 1e-6 * (members >= 0),
+        "probability": five,
+        "log_covariance": np.tile(np.eye(3), (5, 2, 1, 1)),
+        "none": five[:, 0],
+        "misfit": five[:, 0],
+        "rejected": five < 0,
+        "paint_probability": np.ones((5, 3)),
+        "gloss": five,
+        "condition": 0 * members[..., 0],
+        "fitted": np.ones((5, 2, 1, GRID.size)),
+        "opaque": False,
+    }
     return Identification(**given)
 
 

@@ -87,10 +87,21 @@ def test_the_answer_says_what_mixing_would_gain(found):
 
 def task(**others) -> Task:
     options = {
-        "ground": 0.9, "geometry": None, "refractive_index": 1.5, "illuminants": None, "test_illuminant": "A",
-        "observer": 2, "max_paints": None, "max_layers": None, "glazes": True, "thickness": (1e-6, 50e-6), "count": 5,
-        "metamerism": 0.2, "simplicity": 0.3, "seed": 0,
-    }  # fmt: skip
+        "ground": 0.9,
+        "geometry": None,
+        "refractive_index": 1.5,
+        "illuminants": None,
+        "test_illuminant": "A",
+        "observer": 2,
+        "max_paints": None,
+        "max_layers": None,
+        "glazes": True,
+        "thickness": (1e-6, 50e-6),
+        "count": 5,
+        "metamerism": 0.2,
+        "simplicity": 0.3,
+        "seed": 0,
+    }
     return make_task([lab_target((50, 0, 0))], palette(), **(options | others))
 
 

@@ -230,9 +230,14 @@ def test_recipes_for_one_target_are_drawn_on_one_scale():
     def recipe(target, reflectance):
         spectrum = np.full(GRID.size, reflectance)
         return SimpleNamespace(
-            target=target, wavelengths=GRID, reflectance=spectrum, coats=(), distance=0.1, delta_e={"D65": 0.1},
+            target=target,
+            wavelengths=GRID,
+            reflectance=spectrum,
+            coats=(),
+            distance=0.1,
+            delta_e={"D65": 0.1},
             lab={"D65": np.array([40.0, 0.0, 0.0])},
-        )  # fmt: skip
+        )
 
     brown, white = (
         SimpleNamespace(wavelengths=None, reflectance=None, spectral=False, labs={"D65": np.array([40.0, 0.0, 0.0])})

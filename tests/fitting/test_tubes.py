@@ -83,8 +83,10 @@ def test_rows_that_are_not_there(tmp_path):
     assert any("taken to hide whatever is below" in note for note in opaque.notes)
 
     path = written(tmp_path / "shared.csv", films, ends=("ob", "ow"))
-    card = ["card_" + end + "," + ",".join(f"{v:.6f}" for v in values[0]) for end, values in
-            (("b", films.bare_black), ("w", films.bare_white))]  # fmt: skip
+    card = [
+        "card_" + end + "," + ",".join(f"{v:.6f}" for v in values[0])
+        for end, values in (("b", films.bare_black), ("w", films.bare_white))
+    ]
     path.write_text(path.read_text() + "\n".join(card) + "\n")
     shared = read_loose_films(path)
     assert shared.complete
@@ -123,8 +125,10 @@ def test_films_are_called_by_what_is_in_them():
 def test_fine_grids_are_averaged_and_cropped_with_a_word():
     films = painted(Instrument())
     fine = np.arange(350.0, 2501.0)
-    arrays = [np.stack([np.interp(fine, GRID, row) for row in getattr(films, what)])
-              for what in ("bare_black", "bare_white", "over_black", "over_white")]  # fmt: skip
+    arrays = [
+        np.stack([np.interp(fine, GRID, row) for row in getattr(films, what)])
+        for what in ("bare_black", "bare_white", "over_black", "over_white")
+    ]
     wide = Films(NAMES, fine, arrays[0], arrays[1], arrays[2], arrays[3])
     less = average(wide)
     assert less.wavelengths.size == 431

@@ -80,8 +80,13 @@ class Halves:
             arrays["status"][-1] = Status.MASKED
             y -= 1
         half = y * (x // 2)
-        one = SetSum(half, half * np.full(GRID.size, 0.4), half * np.full(GRID.size, 0.41),
-                     half * np.full(GRID.size, 0.17), (half * 20e-6, half))  # fmt: skip
+        one = SetSum(
+            half,
+            half * np.full(GRID.size, 0.4),
+            half * np.full(GRID.size, 0.41),
+            half * np.full(GRID.size, 0.17),
+            (half * 20e-6, half),
+        )
         return ChunkMaps(arrays, {"pixels": float(y * x)}, {(0,): one, (0, 1): one})
 
 
@@ -96,11 +101,27 @@ def mapped(monkeypatch) -> list[dict]:
         names = [*(p.name for p in pigments), *(given["spots"] or ())]
         shape = source.open().shape[:2]
         store = MapStore.create(
-            out, shape, CHUNK, names, options={"path": source.path}, overwrite=overwrite,
-            attrs={"working_wavelengths": GRID, "representatives": 7, "notes": ["a note"],
-                   "agreement": {"pixels": 9, "first": 1.0, "explained": 1.0, "probability": 0.01,
-                                 "probability_90": 0.02, "amount": float("nan"), "amount_90": float("nan")}},
-        )  # fmt: skip
+            out,
+            shape,
+            CHUNK,
+            names,
+            options={"path": source.path},
+            overwrite=overwrite,
+            attrs={
+                "working_wavelengths": GRID,
+                "representatives": 7,
+                "notes": ["a note"],
+                "agreement": {
+                    "pixels": 9,
+                    "first": 1.0,
+                    "explained": 1.0,
+                    "probability": 0.01,
+                    "probability_90": 0.02,
+                    "amount": float("nan"),
+                    "amount_90": float("nan"),
+                },
+            },
+        )
         told(glazefit.mapping.map_cube.Progress("mapping", 0, 3))
 
         def tell(*_):

@@ -39,8 +39,15 @@ class Sparse(Toy):
 
 @pytest.fixture(scope="module")
 def store(tmp_path_factory) -> MapStore:
-    attrs = {"title": "a {panel}, Ghent", "map_info": PLACE, "crs_wkt": 'PROJCS["UTM"]', "nothing": None,
-             "working_wavelengths": [400.0, 500.0], "notes": ["one", "two"], "mixed": [1, "a"]}  # fmt: skip
+    attrs = {
+        "title": "a {panel}, Ghent",
+        "map_info": PLACE,
+        "crs_wkt": 'PROJCS["UTM"]',
+        "nothing": None,
+        "working_wavelengths": [400.0, 500.0],
+        "notes": ["one", "two"],
+        "mixed": [1, "a"],
+    }
     store = MapStore.create(
         tmp_path_factory.mktemp("export") / "map.zarr",
         SHAPE,
@@ -118,14 +125,23 @@ def test_numbers_that_stand_for_words_have_a_legend(store):
 def planes(store: MapStore) -> dict[str, np.ndarray]:
     """Bands that are expected, by name, worked out pixel by pixel."""
     ours = open_map(store.path).load()
-    wanted = {name: np.full(SHAPE, np.nan) for name in ("probability of Eosin", "fraction of Eosin", "thickness (um)",
-                                                        "fraction standard deviation of Umber")}  # fmt: skip
+    wanted = {
+        name: np.full(SHAPE, np.nan)
+        for name in (
+            "probability of Eosin",
+            "fraction of Eosin",
+            "thickness (um)",
+            "fraction standard deviation of Umber",
+        )
+    }
     for y, x in np.argwhere(ours.status.values == Status.MAPPED):
         pixel = {name: ours[name].values[y, x] for name in ("members", "fraction", "fraction_sd")}
         wanted["thickness (um)"][y, x] = ours.thickness.values[y, x] * 1e6
         wanted["probability of Eosin"][y, x] = ours.paint_probability.values[y, x, 1]
-        for name, paint, of in (("fraction of Eosin", 1, "fraction"),
-                                ("fraction standard deviation of Umber", 2, "fraction_sd")):  # fmt: skip
+        for name, paint, of in (
+            ("fraction of Eosin", 1, "fraction"),
+            ("fraction standard deviation of Umber", 2, "fraction_sd"),
+        ):
             place = [*pixel["members"]].index(paint) if paint in pixel["members"] else None
             wanted[name][y, x] = 0.0 if place is None else pixel[of][place]
     wanted["status"] = ours.status.values.astype(float)
@@ -156,8 +172,15 @@ def test_a_turned_image_and_bare_pixels_keep_what_is_sure(tmp_path):
         (PLACE, {}, None),
     ):
         path = tmp_path / f"{len(coords)}.zarr"
-        store = MapStore.create(path, (2, 2), (2, 2), PAINTS, options={}, attrs={"map_info": info},
-                                coords={name: (v[:2], a) for name, (v, a) in coords.items()})  # fmt: skip
+        store = MapStore.create(
+            path,
+            (2, 2),
+            (2, 2),
+            PAINTS,
+            options={},
+            attrs={"map_info": info},
+            coords={name: (v[:2], a) for name, (v, a) in coords.items()},
+        )
         header, _ = export_map(store.path, tmp_path / f"{len(coords)}.img")
         text = header.read_text()
         assert "map info" not in text

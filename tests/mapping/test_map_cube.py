@@ -206,9 +206,13 @@ def test_a_window_that_the_mask_leaves_out_is_empty(cube, options, tmp_path, mon
 def test_films_that_hide_their_ground_have_no_thickness(cube, tmp_path):
     grid = np.asarray(cube["wavelength"])
     found = map_cube(
-        small.image(cube.values[4:10, 4:12], grid), small.paints(), grounds=None, out=tmp_path / "map", max_paints=1,
+        small.image(cube.values[4:10, 4:12], grid),
+        small.paints(),
+        grounds=None,
+        out=tmp_path / "map",
+        max_paints=1,
         noise=NOISE,
-    )  # fmt: skip
+    )
     told = found["condition"].values == 0
     assert told.any()
     assert np.isnan(found["thickness"].values[told]).all()
@@ -236,9 +240,14 @@ def test_a_spot_of_the_image_is_found_in_it(cube, options, tmp_path):
     grid = np.asarray(cube["wavelength"])
     spectrum = cube.values[15, 30].astype(float)
     found = map_cube(
-        small.image(cube.values[14:16, 28:32], grid), small.paints()[:3], out=tmp_path / "map",
-        spots={"Stroke": spectrum}, grounds=None, max_paints=1, noise=NOISE,
-    )  # fmt: skip
+        small.image(cube.values[14:16, 28:32], grid),
+        small.paints()[:3],
+        out=tmp_path / "map",
+        spots={"Stroke": spectrum},
+        grounds=None,
+        max_paints=1,
+        noise=NOISE,
+    )
     assert found["paint"].values.tolist()[-1] == "Stroke"
     assert found["paint_probability"].values[1, 2, 3] > 0.2
 

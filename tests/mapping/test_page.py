@@ -83,11 +83,21 @@ def test_the_page_is_whole_and_loads_nothing_from_elsewhere(report):
 def test_what_was_said_about_the_map_stands_on_the_page(report):
     said = words(report.read_text(encoding="utf-8"))
     for each in (
-        "Map of paints: a <b>painting</b>", "2026-01-02, 03:04", "glazejax map cube.hdr --out 'a & b'", "grey < white",
-        "0.003", "glazejax 1.2.3", "0123abcd", "solved once", "97.5 % of 2,000 pixels", "A band was dead.",
-        "What lies below.", "Counts Readings 93,312 Searches 812", "96 × 64 pixels, 0.0625 mm² each",
+        "Map of paints: a <b>painting</b>",
+        "2026-01-02, 03:04",
+        "glazejax map cube.hdr --out 'a & b'",
+        "grey < white",
+        "0.003",
+        "glazejax 1.2.3",
+        "0123abcd",
+        "solved once",
+        "97.5 % of 2,000 pixels",
+        "A band was dead.",
+        "What lies below.",
+        "Counts Readings 93,312 Searches 812",
+        "96 × 64 pixels, 0.0625 mm² each",
         "Left out by the mask 288",
-    ):  # fmt: skip
+    ):
         assert each in said, each
 
 

@@ -84,9 +84,7 @@ def test_what_is_wrong_counts_by_how_much():
 
 def test_paints_of_one_pigment_count_as_one_where_pigments_are_asked_for():
     known = truth([[0, 2, -1], [0, -1, -1]], [[1e-5, 1e-5, 0], [1e-5, 0, 0]])
-    answer = Answer(
-        np.array([[1, 2, -1], [2, -1, -1]]), np.full((2, 3), 0.5), np.full(2, np.nan), np.zeros(2, bool)
-    )  # fmt: skip
+    answer = Answer(np.array([[1, 2, -1], [2, -1, -1]]), np.full((2, 3), 0.5), np.full(2, np.nan), np.zeros(2, bool))
     found = score(known, answer, ("ZincWhite", "ZincWhiteLinseed", "LeadWhite"))
     assert (found.right_set, found.right_pigments) == (0.0, 0.5)
 

@@ -36,9 +36,7 @@ def truth_map(painting: Painting, *, unit: str | None = "mm"):
     readings, clear = painting.rows(0, height), painting.rows(0, height, noise=False)
     count = len(painting.paints)
     further = {"place": PLACES, "paint": count, "rgb": 3}
-    arrays = {
-        v.name: np.full((height, width, *(further[d] for d in v.further)), v.fill, v.dtype) for v in VARIABLES
-    }  # fmt: skip
+    arrays = {v.name: np.full((height, width, *(further[d] for d in v.further)), v.fill, v.dtype) for v in VARIABLES}
     status = np.full((height, width), Status.MAPPED, np.uint8)
     status[:3] = Status.MASKED
     status[-4:, -6:] = Status.SATURATED

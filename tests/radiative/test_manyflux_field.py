@@ -100,9 +100,15 @@ def test_field_through_layers_of_different_index():
 def test_no_flux_is_lost_between_layers_of_different_index():
     depth = np.array([0.0, 0.3, 0.4, 0.9, 1.5, 1.6, 1.8])
     field = manyflux_field(
-        [1.0, 1.0, 1.0], [0.4, 1.1, 0.3], 0.3, depth=depth, cos_direction=[0.5], phase=MORE, streams=16,
+        [1.0, 1.0, 1.0],
+        [0.4, 1.1, 0.3],
+        0.3,
+        depth=depth,
+        cos_direction=[0.5],
+        phase=MORE,
+        streams=16,
         refractive_index=INDICES,
-    )  # fmt: skip
+    )
     net = np.asarray(field.flux_down - field.flux_up)
     np.testing.assert_allclose(net, net[0], atol=1e-9)
     np.testing.assert_allclose(field.flux_up[-1], 0.3 * field.flux_down[-1], atol=1e-9)

@@ -91,9 +91,16 @@ def test_thin_layer_below_a_face_scatters_once():
     cosine = np.sqrt(np.prod(1 - cosines**2)) * np.cos(np.deg2rad(turn)) - np.prod(cosines)
     p = (1 - g**2) / (1 - 2 * g * cosine + g**2) ** 1.5
     found = manyflux_reflectance_factor(
-        [0.0, 0.7], [0.0, thin], 0.0, phase=henyey_greenstein(g), refractive_index=(upper, lower), cos_incidence=0.9,
-        cos_viewing=0.5, azimuth=turn, streams=9,
-    )  # fmt: skip
+        [0.0, 0.7],
+        [0.0, thin],
+        0.0,
+        phase=henyey_greenstein(g),
+        refractive_index=(upper, lower),
+        cos_incidence=0.9,
+        cos_viewing=0.5,
+        azimuth=turn,
+        streams=9,
+    )
     # Light mirrored between the faces is followed with the moments that are kept, the rest with the whole function.
     assert found == pytest.approx(lit * seen * 0.7 * p * thin / (4 * lower**2 * np.prod(cosines)), rel=1e-3)
 
@@ -177,9 +184,17 @@ def test_ground_seen_through_nothing():
     level = np.array([[0.5, 0.4, 0.3], [0.4, 0.3, 0.2], [0.3, 0.2, 0.1]])
     factor = level[..., None] * (1 + 0.5 * np.cos(azimuth) + 0.2 * np.cos(3 * azimuth))
     found = brdf_table(
-        [0.5], [0.0], 0.9, ground=ground_table(cosines, factor), phase=PHASE[0], refractive_index=1.0,
-        cos_incidence=[0.6, 0.8], cos_viewing=[0.6, 0.1], azimuth=[0.0, 100.0], streams=8,
-    )  # fmt: skip
+        [0.5],
+        [0.0],
+        0.9,
+        ground=ground_table(cosines, factor),
+        phase=PHASE[0],
+        refractive_index=1.0,
+        cos_incidence=[0.6, 0.8],
+        cos_viewing=[0.6, 0.1],
+        azimuth=[0.0, 100.0],
+        streams=8,
+    )
     wave = 1 + 0.5 * np.cos(np.deg2rad([0, 100])) + 0.2 * np.cos(np.deg2rad([0, 300]))
     expected = 0.9 * np.array([[0.3, 0.35], [0.2, 0.25]])[..., None] * wave
     np.testing.assert_allclose(np.pi * found, expected, atol=1e-10)

@@ -47,9 +47,16 @@ def test_messages_come_back_as_they_were():
 
 @pytest.mark.parametrize(
     "message",
-    [b"", b"\xff\xff\xff\xff{}", "nonsense", "[1]", '{"a": 1}', pack({"type": "x"}, {"a": np.ones(9)})[:-8],
-     pack({"type": "x"})[:-4] + b'":["'],
-)  # fmt: skip
+    [
+        b"",
+        b"\xff\xff\xff\xff{}",
+        "nonsense",
+        "[1]",
+        '{"a": 1}',
+        pack({"type": "x"}, {"a": np.ones(9)})[:-8],
+        pack({"type": "x"})[:-4] + b'":["',
+    ],
+)
 def test_bytes_that_are_no_message_are_refused(ask, message):
     with pytest.raises(ValueError, match="message"):
         unpack(message)
@@ -228,8 +235,10 @@ def test_brushed_pixels_are_those_of_a_full_computation(ask):
     layers = [gj.Layer(m, 1e-6 * maps[str(i)].astype(float)) for i, m in enumerate(stack.media())]
     ground = np.where(maps["side"] == 0, 0.93, 0.025)[:, None]
     spectra = gj.reflectance(gj.Glaze(layers, ground), stack.seen_by)
-    lab = [colour.xyz_to_lab(colour.srgb_to_xyz(rgb), colour.srgb_to_xyz(np.ones(3))) for rgb in (
-        pixels[:, :3] / 255, np.asarray(colour.srgb(stack.glaze().wavelengths, spectra)))]  # fmt: skip
+    lab = [
+        colour.xyz_to_lab(colour.srgb_to_xyz(rgb), colour.srgb_to_xyz(np.ones(3)))
+        for rgb in (pixels[:, :3] / 255, np.asarray(colour.srgb(stack.glaze().wavelengths, spectra)))
+    ]
     assert header["error"] < 0.21
     # 8 bits are up to 0.5 of a Delta E in the dark.
     assert np.percentile(colour.delta_e_2000(*lab), 95) < 0.6

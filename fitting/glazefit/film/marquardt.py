@@ -74,14 +74,14 @@ def levenberg_marquardt(
         point, residual = kept(state.tried, state.point), kept(residual, state.residual)
         slopes = kept(slopes, state.slopes)
         new = _State(
-            point,
-            point - damped_solution(slopes, residual, 1.0 / length),
-            residual,
-            slopes,
-            length,
-            jnp.zeros((), bool),
-            counts & still,
-            state.steps + 1,
+            point=point,
+            tried=point - damped_solution(slopes, residual, 1.0 / length),
+            residual=residual,
+            slopes=slopes,
+            length=length,
+            first=jnp.zeros((), bool),
+            done=counts & still,
+            steps=state.steps + 1,
         )
 
         # What has settled stays as it is while others go on.
@@ -93,14 +93,14 @@ def levenberg_marquardt(
     rows = jax.eval_shape(look, start, *given)[0].shape[1]
     nothing = jnp.zeros((*start.shape[:1], rows), start.dtype)
     begun = _State(
-        start,
-        start,
-        nothing,
-        jnp.zeros((*nothing.shape, start.shape[1]), start.dtype),
-        jnp.ones(len(start), start.dtype),
-        jnp.ones((), bool),
-        jnp.zeros(len(start), bool),
-        jnp.zeros((), int),
+        point=start,
+        tried=start,
+        residual=nothing,
+        slopes=jnp.zeros((*nothing.shape, start.shape[1]), start.dtype),
+        length=jnp.ones(len(start), start.dtype),
+        first=jnp.ones((), bool),
+        done=jnp.zeros(len(start), bool),
+        steps=jnp.zeros((), int),
     )
     ended = jax.lax.while_loop(lambda state: (state.steps < max_steps) & ~jnp.all(state.done), step, begun)
     return ended.point, ended.done & jnp.all(jnp.isfinite(ended.point), axis=1)

@@ -61,4 +61,6 @@ def tabulate(instrument: Instrument, sizes: tuple[int, int] = (80, 44)) -> Refle
     # half = .5 gain/(1 - .5 back), white = gain/(1 - back).
     ratio = jnp.clip(white, 1e-12) / jnp.clip(half, 1e-12)
     back = jnp.clip((ratio - 2.0) / (ratio - 1.0), 0.0, 0.99)
-    return ReflectanceTable(k, s, black, jnp.clip(white, 0.0) * (1.0 - back), back)
+    return ReflectanceTable(
+        log_absorption=k, log_scattering=s, black=black, gain=jnp.clip(white, 0.0) * (1.0 - back), back=back
+    )

@@ -71,7 +71,15 @@ def films_of(table: SpectraTable) -> Films:
     def take(ending: str) -> np.ndarray:
         return table.reflectance[[found[ending] for found in rows.values()]]
 
-    return Films(tuple(rows), table.wavelengths, take("b"), take("w"), take("ob"), take("ow"), tuple(table.notes))
+    return Films(
+        names=tuple(rows),
+        wavelengths=table.wavelengths,
+        bare_black=take("b"),
+        bare_white=take("w"),
+        over_black=take("ob"),
+        over_white=take("ow"),
+        notes=tuple(table.notes),
+    )
 
 
 def read_names(path: str | Path) -> dict[str, dict[str, float]]:

@@ -72,7 +72,15 @@ def readings(films: Films, instrument: Instrument, noise: Noise) -> list[Reading
     over = np.stack([films.over_black, films.over_white], axis=-1)
     ground, ground_sd = np.stack([black, white], axis=-1), np.stack([sd_black, sd_white], axis=-1)
     return [
-        Reading(name, films.wavelengths, over[i], ground[i], noise.sd(over[i]), ground_sd[i], ("black", "white"))
+        Reading(
+            name=name,
+            wavelengths=films.wavelengths,
+            reflectance=over[i],
+            ground=ground[i],
+            sd=noise.sd(over[i]),
+            ground_sd=ground_sd[i],
+            grounds=("black", "white"),
+        )
         for i, name in enumerate(films.names)
     ]
 
@@ -98,4 +106,12 @@ def over_ground(
     measured = np.asarray(reflectance, dtype=np.float64)[:, None]
     under = np.broadcast_to(np.asarray(ground, dtype=np.float64).reshape(-1, 1), measured.shape)
     sd = (noise or Noise()).sd(measured)
-    return Reading(name, wavelengths, measured, under, sd, np.zeros_like(measured), ("the ground",))
+    return Reading(
+        name=name,
+        wavelengths=wavelengths,
+        reflectance=measured,
+        ground=under,
+        sd=sd,
+        ground_sd=np.zeros_like(measured),
+        grounds=("the ground",),
+    )

@@ -45,7 +45,14 @@ def simulate_films(
         return np.maximum(exact + noise.sd(exact) * rng.standard_normal(exact.shape), 0.0)
 
     bare, painted = read(empty, empty), read(k, s)
-    return Films(tuple(names), wavelengths, bare[..., 0], bare[..., 1], painted[..., 0], painted[..., 1])
+    return Films(
+        names=tuple(names),
+        wavelengths=wavelengths,
+        bare_black=bare[..., 0],
+        bare_white=bare[..., 1],
+        over_black=painted[..., 0],
+        over_white=painted[..., 1],
+    )
 
 
 def simulate_paints(

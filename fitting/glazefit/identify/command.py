@@ -226,7 +226,9 @@ def _read(
         cards = np.stack([films.bare_black, films.bare_white], axis=1) @ mean
         spectra = np.stack([films.over_black, films.over_white], axis=1) @ mean
         words = ("black card, measured bare", "white card, measured bare")
-        return _Spectra(films.names, grid, spectra, inside(cards), words, notes)
+        return _Spectra(
+            names=films.names, wavelengths=grid, spectra=spectra, grounds=inside(cards), words=words, notes=notes
+        )
     rows = options.choose_rows(file, table.names, wanted)
     spectra, names = table.reflectance[rows] @ mean, tuple(table.names[i] for i in rows)
     if ground is None and not opaque:
@@ -236,12 +238,26 @@ def _read(
         )
     progress.print_notes(console, file, changes)
     if ground is None:
-        return _Spectra(names, grid, spectra, None, ("a ground that is not seen",), notes)
+        return _Spectra(
+            names=names,
+            wavelengths=grid,
+            spectra=spectra,
+            grounds=None,
+            words=("a ground that is not seen",),
+            notes=notes,
+        )
     given = options.read_ground(ground, bare=bare)
     progress.print_notes(console, "--ground", given.notes)
     below = np.broadcast_to(given.on(grid), grid.shape)
     words = f"{given.words}, {'measured bare with the same instrument' if bare else 'as seen from inside the paint'}"
-    return _Spectra(names, grid, spectra, inside(below) if bare else below, (words,), (*notes, *given.notes))
+    return _Spectra(
+        names=names,
+        wavelengths=grid,
+        spectra=spectra,
+        grounds=inside(below) if bare else below,
+        words=(words,),
+        notes=(*notes, *given.notes),
+    )
 
 
 def _about(

@@ -125,7 +125,9 @@ def find_contenders(
     shares = np.where(sets == NOBODY, 0.0, np.asarray(_shares(jnp.asarray(unknowns), jnp.asarray(sets))))
     asked = np.broadcast_to(np.repeat(np.arange(films[0]), films[1]), sets.shape[:2])
     thickness = usual * np.exp(unknowns[..., 0])
-    tried = _Fits(asked, sets, np.zeros_like(sets), shares, thickness, fitted)
+    tried = _Fits(
+        paint=asked, members=sets, coats=np.zeros_like(sets), shares=shares, thickness=thickness, readings=fitted
+    )
     return _nearest(measured, sd, [tried, *_explanations(found)], len(known))
 
 
@@ -150,7 +152,16 @@ def _explanations(found: Identification) -> list[_Fits]:
         members, coats, shares = (a[..., order] for a in (found.members, found.coats, found.fractions))
         enough = (members[..., 0] != NOBODY) & (shares[..., 0] >= LEAST_SHARE) & (found.probability > 0)
         paint = np.where(enough, members[..., 0], NOBODY)
-        out.append(_Fits(paint, members, coats, shares, found.amounts.sum(axis=-1), readings))
+        out.append(
+            _Fits(
+                paint=paint,
+                members=members,
+                coats=coats,
+                shares=shares,
+                thickness=found.amounts.sum(axis=-1),
+                readings=readings,
+            )
+        )
     return out
 
 
@@ -169,7 +180,7 @@ def _nearest(measured: Measured, sd: np.ndarray, kinds: list[_Fits], count: int)
     seen = measured.delta_e(fitted)
     rmse = np.sqrt(np.mean(off**2, axis=(-1, -2)))
     members, coats, shares, thickness = (a[rows, best] for a in (members, coats, shares, thickness))
-    return Contenders(members, coats, shares, thickness, rmse, seen)
+    return Contenders(members=members, coats=coats, fractions=shares, thickness=thickness, rmse=rmse, delta_e=seen)
 
 
 def _starts(

@@ -46,9 +46,18 @@ def identify_chunks(
     Args and errors are those of `identify`.
     """
     searcher = Searcher.of(
-        wavelengths, pigments, opaque=grounds is None, instrument=instrument, geometry=geometry, noise=noise,
-        discrepancy=discrepancy, prior=prior, max_paints=max_paints, layers=layers, thorough=thorough,
-    )  # fmt: skip
+        wavelengths,
+        pigments,
+        opaque=grounds is None,
+        instrument=instrument,
+        geometry=geometry,
+        noise=noise,
+        discrepancy=discrepancy,
+        prior=prior,
+        max_paints=max_paints,
+        layers=layers,
+        thorough=thorough,
+    )
     measured = searcher.check(spectra, grounds, names)
     for some, pool, odds in searcher.search(measured):
         yield weigh(some, pool, odds, searcher.paints, searcher.opaque, keep)
@@ -102,10 +111,21 @@ def identify(
         ValueError: shapes that do not match, values that are not reflectances, an empty catalogue, repeated names.
     """
     parts = identify_chunks(
-        spectra, wavelengths, pigments, grounds=grounds, instrument=instrument, geometry=geometry, noise=noise,
-        discrepancy=discrepancy, prior=prior, max_paints=max_paints, layers=layers, names=names, keep=keep,
+        spectra,
+        wavelengths,
+        pigments,
+        grounds=grounds,
+        instrument=instrument,
+        geometry=geometry,
+        noise=noise,
+        discrepancy=discrepancy,
+        prior=prior,
+        max_paints=max_paints,
+        layers=layers,
+        names=names,
+        keep=keep,
         thorough=thorough,
-    )  # fmt: skip
+    )
     return Identification.join(list(parts))
 
 
@@ -143,10 +163,21 @@ def identify_films(
         black, white = ground_from_air(bare, seen_by.geometry, seen_by.refractive_index)
     over = np.stack([films.over_black, films.over_white], axis=1)
     return identify(
-        over, films.wavelengths, pigments, grounds=np.stack([black, white], axis=1), instrument=instrument,
-        geometry=geometry, noise=noise, discrepancy=discrepancy, prior=prior, max_paints=max_paints, layers=layers,
-        names=films.names, keep=keep, thorough=thorough,
-    )  # fmt: skip
+        over,
+        films.wavelengths,
+        pigments,
+        grounds=np.stack([black, white], axis=1),
+        instrument=instrument,
+        geometry=geometry,
+        noise=noise,
+        discrepancy=discrepancy,
+        prior=prior,
+        max_paints=max_paints,
+        layers=layers,
+        names=films.names,
+        keep=keep,
+        thorough=thorough,
+    )
 
 
 def ground_from_air(

@@ -47,7 +47,15 @@ class Films:
         sets = pool.members[at][:, :size]
         logs = np.where(sets == NOBODY, 0.0, pool.logs[at][:, :size])
         covariance = pool.covariance[at][:, :size, :size]
-        return cls(row, place, sets, logs, covariance, pool.log_weight[at], pool.readings[at])
+        return cls(
+            row=row,
+            place=place,
+            sets=sets,
+            logs=logs,
+            covariance=covariance,
+            log_weight=pool.log_weight[at],
+            readings=pool.readings[at],
+        )
 
     def take(self, films: np.ndarray) -> "Films":
         """Some of them."""

@@ -15,9 +15,14 @@ FITS = 3
 _COLOURS = (ABSORPTION, SCATTERING, "#41732b")
 _DASHES: tuple[Any, ...] = ("-", (0, (5, 2)), (0, (1.5, 1.8)))
 _VARIABLES = {
-    INK: "--ink", FAINT: "--faint", GRID: "--grid", EDGE: "--edge", _COLOURS[0]: "--fit-1", _COLOURS[1]: "--fit-2",
+    INK: "--ink",
+    FAINT: "--faint",
+    GRID: "--grid",
+    EDGE: "--edge",
+    _COLOURS[0]: "--fit-1",
+    _COLOURS[1]: "--fit-2",
     _COLOURS[2]: "--fit-3",
-}  # fmt: skip
+}
 _SIZE = (4.4, 2.9)
 
 
@@ -86,10 +91,18 @@ def _ends(grid: np.ndarray) -> tuple[float, float]:
 def _svg(salt: str, draw: Any) -> str:
     """An SVG element of no size of its own: text stays text, colours are the page's, equal input gives equal text."""
     settings = {
-        "svg.fonttype": "none", "svg.hashsalt": salt, "font.size": 9, "axes.labelsize": 9, "xtick.labelsize": 8,
-        "ytick.labelsize": 8, "figure.facecolor": "none", "axes.facecolor": "none", "axes.linewidth": 0.7,
-        "text.parse_math": False, "axes.unicode_minus": True,
-    }  # fmt: skip
+        "svg.fonttype": "none",
+        "svg.hashsalt": salt,
+        "font.size": 9,
+        "axes.labelsize": 9,
+        "xtick.labelsize": 8,
+        "ytick.labelsize": 8,
+        "figure.facecolor": "none",
+        "axes.facecolor": "none",
+        "axes.linewidth": 0.7,
+        "text.parse_math": False,
+        "axes.unicode_minus": True,
+    }
     with style(settings):
         from matplotlib.backends.backend_svg import FigureCanvasSVG
         from matplotlib.figure import Figure

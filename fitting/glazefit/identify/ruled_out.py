@@ -81,4 +81,13 @@ def _judge(found: Identification, contenders: Contenders, row: int, paint: int, 
     if kind == "misfit" and chance >= IMPROBABLE:
         kind, reason = "trace", f"{reason}; less than {LEAST_SHARE:.0%} of it stays possible"
     parts = {found.paints[members[n]]: float(shares[n]) for n in there}
-    return RuledOut(name, chance, film, parts, off, rmse, kind, f"{name}: {reason}.")
+    return RuledOut(
+        paint=name,
+        probability=chance,
+        film=film,
+        paints=parts,
+        delta_e=off,
+        rmse=rmse,
+        kind=kind,
+        reason=f"{name}: {reason}.",
+    )

@@ -212,16 +212,16 @@ def _pool(
     where = np.zeros_like(sets) if coats is None else coats
     logs = np.pad(np.asarray(fitted.logs, float), room, constant_values=-np.inf)
     return Pool(
-        np.pad(sets, room, constant_values=NOBODY),
-        np.pad(where, room),
-        logs,
-        logs,
-        np.pad(np.asarray(fitted.covariance, float), (*room, (0, 3 - size))),
-        task.discrepancy.trust * np.asarray(fitted.log_evidence, float) + task.log_sets(sets) + log_share,
-        np.asarray(fitted.readings, float),
-        np.asarray(fitted.readings, float),
-        np.zeros(sets.shape[:2]),
-        np.zeros(sets.shape[:2], dtype=np.int32),
+        members=np.pad(sets, room, constant_values=NOBODY),
+        coats=np.pad(where, room),
+        logs=logs,
+        weighed=logs,
+        covariance=np.pad(np.asarray(fitted.covariance, float), (*room, (0, 3 - size))),
+        log_weight=task.discrepancy.trust * np.asarray(fitted.log_evidence, float) + task.log_sets(sets) + log_share,
+        readings=np.asarray(fitted.readings, float),
+        allowed=np.asarray(fitted.readings, float),
+        gloss=np.zeros(sets.shape[:2]),
+        condition=np.zeros(sets.shape[:2], dtype=np.int32),
     )
 
 

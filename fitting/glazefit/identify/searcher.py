@@ -75,7 +75,8 @@ class Searcher(NamedTuple):
         known = check_pigments(pigments, grid)
         largest, response = min(max_paints, len(known)), film_response(instrument.geometry, instrument.refractive_index)
         thick = hiding(prior, known)
-        errors = relative_errors(known, discrepancy), error_modes(known, discrepancy).astype(np.float32)
+        errors = relative_errors(known, discrepancy)
+        modes = error_modes(known, discrepancy).astype(np.float32)
         seen = hardly_seen(known, prior.thickness)
         optics = Optics.of(instrument.geometry, instrument.refractive_index)
 
@@ -83,20 +84,21 @@ class Searcher(NamedTuple):
             expected = thick if hidden else prior
             paints = paints_of(known, expected.thickness)
             return IdentificationTask(
-                response,
-                paints,
-                *errors,
-                grid,
-                optics,
-                instrument.seen_surface,
-                noise,
-                discrepancy,
-                expected,
-                seen,
-                largest,
-                layers,
-                THOROUGH if thorough else USUAL,
-                FilmTables(response, paints, largest, expected.spread),
+                response=response,
+                paints=paints,
+                errors=errors,
+                modes=modes,
+                wavelengths=grid,
+                optics=optics,
+                surface=instrument.seen_surface,
+                noise=noise,
+                discrepancy=discrepancy,
+                prior=expected,
+                extenders=seen,
+                max_paints=largest,
+                layers=layers,
+                effort=THOROUGH if thorough else USUAL,
+                tables=FilmTables(response, paints, largest, expected.spread),
             )
 
         return cls({hidden: task(hidden) for hidden in (False, True)}, opaque, tuple(p.name for p in known))

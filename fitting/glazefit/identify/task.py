@@ -131,7 +131,14 @@ def check_spectra(
         raise ValueError(f"a ground's internal reflectance is {value:g}; it must lie in [0, 1]")
     seen = noise_of_each(readings).max(axis=-1)[:, None, None]
     doubt = np.empty((len(readings), 0, *readings.shape[1:]))
-    return Measured(labels, grid, readings, ground, np.maximum(noise.sd(readings), seen), doubt)
+    return Measured(
+        names=labels,
+        wavelengths=grid,
+        readings=readings,
+        grounds=ground,
+        noise_sd=np.maximum(noise.sd(readings), seen),
+        doubt=doubt,
+    )
 
 
 def check_pigments(pigments: Pigments, wavelengths: Float[np.ndarray, "bands"]) -> list[Pigment]:

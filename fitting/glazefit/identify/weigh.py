@@ -138,7 +138,7 @@ def _beside_none(
     kept = odds / odds.sum(axis=1, keepdims=True)
     met = np.exp(np.sum(np.where(kept > 0, kept * np.log(np.clip(_whole(off), 0.1, 100.0)), 0.0), axis=1))
     none = prior.unknown * np.exp(log_odds_of_none(np.minimum(met, UNSEEN)) - log_odds_of_none(UNSEEN))
-    return Odds(odds, none, met, rejected, off)
+    return Odds(candidates=odds, none=none, misfit=met, rejected=rejected, off=off)
 
 
 def smaller_sets(pool: Pool, row: int, possible: Bool[np.ndarray, "candidates"]) -> list[Smaller]:

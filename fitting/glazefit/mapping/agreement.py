@@ -76,10 +76,14 @@ def agreement(
     spread = log_sds(members, fractions, whole.log_covariance[:, 0])[2]
     known = same & np.isfinite(mapped["thickness"])
     moved = np.log(mapped["thickness"][known] / whole.amounts[known, 0].sum(axis=1)) / spread[known]
+    probability, probability_90 = np.quantile(apart, [0.5, 0.9])
+    amount, amount_90 = np.quantile(np.abs(moved), [0.5, 0.9]) if moved.size else np.full(2, np.nan)
     return Agreement(
-        np.asarray(len(readings)),
-        same.mean(),
-        (mapped["explained"].astype(bool) == whole.explained).mean(),
-        *np.quantile(apart, [0.5, 0.9]),
-        *(np.quantile(np.abs(moved), [0.5, 0.9]) if moved.size else np.full(2, np.nan)),
+        pixels=np.asarray(len(readings)),
+        first=same.mean(),
+        explained=(mapped["explained"].astype(bool) == whole.explained).mean(),
+        probability=probability,
+        probability_90=probability_90,
+        amount=amount,
+        amount_90=amount_90,
     )

@@ -16,8 +16,19 @@ if TYPE_CHECKING:
 
     from ..film.films import Instrument
 
-_SIZES = {"": 1, "b": 1, "kb": 10**3, "mb": 10**6, "gb": 10**9, "kib": 2**10, "mib": 2**20, "gib": 2**30,
-          "k": 2**10, "m": 2**20, "g": 2**30}  # fmt: skip
+_SIZES = {
+    "": 1,
+    "b": 1,
+    "kb": 10**3,
+    "mb": 10**6,
+    "gb": 10**9,
+    "kib": 2**10,
+    "mib": 2**20,
+    "gib": 2**30,
+    "k": 2**10,
+    "m": 2**20,
+    "g": 2**30,
+}
 _CUBE = "cube:"
 
 
@@ -43,8 +54,9 @@ def read_window(text: str) -> tuple[int, int, int, int] | None:
         return None
     match = re.fullmatch(r"\s*(\d+):(\d+)\s*,\s*(\d+):(\d+)\s*", text)
     if match is None or int(match[1]) >= int(match[2]) or int(match[3]) >= int(match[4]):
-        raise ValueError(f"--window is {text!r}; write x0:x1,y0:y1 in pixels from 0, ends not included, such as "
-                         "100:400,0:250")  # fmt: skip
+        raise ValueError(
+            f"--window is {text!r}; write x0:x1,y0:y1 in pixels from 0, ends not included, such as 100:400,0:250"
+        )
     x0, x1, y0, y1 = (int(match[i]) for i in range(1, 5))
     return y0, y1, x0, x1
 
@@ -89,8 +101,9 @@ def read_wavelengths(text: str) -> tuple[float, ...] | Path | None:
     try:
         return tuple(float(each) for each in text.split(","))
     except ValueError:
-        raise ValueError(f"--wavelengths is {text!r}; name a text file of numbers, or write them in nm with commas: "
-                         "400,410,420") from None  # fmt: skip
+        raise ValueError(
+            f"--wavelengths is {text!r}; name a text file of numbers, or write them in nm with commas: 400,410,420"
+        ) from None
 
 
 def read_white(text: str) -> float | Path:
@@ -153,8 +166,10 @@ def read_spectra_of_spots(
     for name, place in places.items():
         spectrum = read_spot(cube, place).reflectance
         if (missing := int((~np.isfinite(spectrum)).sum())) > 0:
-            raise ValueError(f"--spot {name}={place}: {missing} bands have no reading there; choose another place, or "
-                             "leave those bands out with --bands")  # fmt: skip
+            raise ValueError(
+                f"--spot {name}={place}: {missing} bands have no reading there; choose another place, or "
+                "leave those bands out with --bands"
+            )
         found[name] = spectrum
     return found
 
@@ -192,8 +207,10 @@ def read_ground_of_cube(
     first, last = max(float(p.wavelengths[0]) for p in paints), min(float(p.wavelengths[-1]) for p in paints)
     inside = (grid >= first) & (grid <= last)
     if not inside.any():
-        raise ValueError(f"{cube.attrs.get('path', 'the cube')}: its bands ({describe_grid(grid)}) lie outside "
-                         f"of those of the paints, {first:g} to {last:g} nm")  # fmt: skip
+        raise ValueError(
+            f"{cube.attrs.get('path', 'the cube')}: its bands ({describe_grid(grid)}) lie outside "
+            f"of those of the paints, {first:g} to {last:g} nm"
+        )
     notes: tuple[str, ...] = ()
     if text.startswith(_CUBE):
         from glazejax.io import read_spot
@@ -201,8 +218,9 @@ def read_ground_of_cube(
         spot = read_spot(cube, text.removeprefix(_CUBE))
         below, bare = spot.reflectance[inside], True
         if not np.isfinite(below).all():
-            raise ValueError(f"--ground {text}: {int((~np.isfinite(below)).sum())} bands have no reading there; choose "
-                             "another place")  # fmt: skip
+            raise ValueError(
+                f"--ground {text}: {int((~np.isfinite(below)).sum())} bands have no reading there; choose another place"
+            )
         words = (
             f"measured bare in the cube at {text.removeprefix(_CUBE)} ({spot.pixels} pixels, mean {below.mean():.2f})"
         )

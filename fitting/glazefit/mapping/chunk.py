@@ -33,11 +33,11 @@ class SetSum:
 
     def __add__(self, other: Self) -> "SetSum":
         return SetSum(
-            self.pixels + other.pixels,
-            self.spectrum + other.spectrum,
-            self.fitted + other.fitted,
-            self.square + other.square,
-            (self.thickness[0] + other.thickness[0], self.thickness[1] + other.thickness[1]),
+            pixels=self.pixels + other.pixels,
+            spectrum=self.spectrum + other.spectrum,
+            fitted=self.fitted + other.fitted,
+            square=self.square + other.square,
+            thickness=(self.thickness[0] + other.thickness[0], self.thickness[1] + other.thickness[1]),
         )
 
 
@@ -100,11 +100,11 @@ def unpack(content: bytes) -> tuple[dict[str, float], dict[Members, SetSum]]:
             parts = {name: kept[name] for name in kept.files}
         sets = {
             tuple(int(m) for m in members if m >= 0): SetSum(
-                int(parts["pixels"][i]),
-                parts["spectrum"][i],
-                parts["fitted"][i],
-                parts["square"][i],
-                (float(parts["thickness"][i]), int(parts["with_thickness"][i])),
+                pixels=int(parts["pixels"][i]),
+                spectrum=parts["spectrum"][i],
+                fitted=parts["fitted"][i],
+                square=parts["square"][i],
+                thickness=(float(parts["thickness"][i]), int(parts["with_thickness"][i])),
             )
             for i, members in enumerate(parts["members"])
         }

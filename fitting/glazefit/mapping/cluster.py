@@ -63,14 +63,17 @@ def on_cluster(
     try:
         client.wait_for_workers(1, timeout=_PATIENCE)
     except TimeoutError:
-        raise RuntimeError(f"the dask cluster at {address} has no workers; start some with `dask worker "
-                           f"{address}`") from None  # fmt: skip
+        raise RuntimeError(
+            f"the dask cluster at {address} has no workers; start some with `dask worker {address}`"
+        ) from None
     name = f"glazejax-{uuid4().hex[:12]}"
     try:
         client.register_plugin(_Tool(name, work), name=name)
     except ModuleNotFoundError as error:
-        raise RuntimeError(f"the workers of the dask cluster at {address} lack a package ({error}); install glazejax "
-                           "there as it is here") from None  # fmt: skip
+        raise RuntimeError(
+            f"the workers of the dask cluster at {address} lack a package ({error}); install glazejax "
+            "there as it is here"
+        ) from None
     flying = as_completed(loop=client.loop)
     names, waiting = {}, iter(todo)
 
@@ -90,8 +93,10 @@ def on_cluster(
             try:
                 result = future.result()
             except KilledWorker:
-                raise RuntimeError(f"the dask workers that took on {key} died one after another: have they enough "
-                                   "memory? What is finished is kept, and the same run goes on") from None  # fmt: skip
+                raise RuntimeError(
+                    f"the dask workers that took on {key} died one after another: have they enough "
+                    "memory? What is finished is kept, and the same run goes on"
+                ) from None
             except CancelledError:
                 raise _lost() from None
             del names[future]

@@ -139,8 +139,10 @@ def map_(
     if bare and ground is None:
         raise ValueError("--bare says how --ground was measured: give --ground too")
     if not (example or opaque or ground):
-        raise ValueError("what is under the paint? Give --ground, its reflectance such as 0.9, a table, or "
-                         "cube:x0:x1,y0:y1 where it lies bare in the cube; or --opaque")  # fmt: skip
+        raise ValueError(
+            "what is under the paint? Give --ground, its reflectance such as 0.9, a table, or "
+            "cube:x0:x1,y0:y1 where it lies bare in the cube; or --opaque"
+        )
     from glazejax.extras import require
 
     from .asked import (
@@ -288,8 +290,13 @@ def _bar() -> Iterator[Callable[[Any], None]]:
     """A bar for each stage; what is yielded goes to `map_cube` as ``told``."""
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(),
-               TimeRemainingColumn())  # fmt: skip
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
     bars: dict[str, Any] = {}
     with progress.bar(*columns) as shown:
 
@@ -314,8 +321,10 @@ def _kept(out: Path, console: "Console") -> Iterator[None]:
         except ValueError:
             raise KeyboardInterrupt from None
         done, of = len(store.done()), len(store.windows())
-        console.print(f"[yellow]Interrupted: {done} of {of} windows are finished and kept in {out}; the same command "
-                      "goes on from there.[/yellow]")  # fmt: skip
+        console.print(
+            f"[yellow]Interrupted: {done} of {of} windows are finished and kept in {out}; the same command "
+            "goes on from there.[/yellow]"
+        )
         raise typer.Exit(progress.INTERRUPTED) from None
 
 

@@ -164,7 +164,15 @@ def painting(
         raise ValueError(f"a painting of {grid.size} bands says nothing of paints: give 2 or more")
     paints = {name: paint.resample(grid) for name, paint in load().items()}
     kept = [paint for name, paint in paints.items() if name not in FOREIGN]
-    return Painting(shape, grid, kept, [paints[name] for name in FOREIGN], _ground(grid), noise, seed)
+    return Painting(
+        shape=shape,
+        wavelengths=grid,
+        paints=kept,
+        foreign=[paints[name] for name in FOREIGN],
+        ground=_ground(grid),
+        noise=noise,
+        seed=seed,
+    )
 
 
 def _ground(grid: Float[np.ndarray, "bands"]) -> Float[np.ndarray, "bands"]:
@@ -235,7 +243,13 @@ def _table(number: int, wavelengths: tuple[float, ...], ground: tuple[float, ...
     rest = np.cumsum(weight[::-1])[::-1]
     keep = max(1, int(np.sum(rest > 0.1 * TABLE_ERROR)))
     core = (left[:, :keep] * weight[:keep]).reshape(*whole.shape[:-1], keep)
-    return _Table(table.names, table.axes, core.astype(np.float32), right[:keep].astype(np.float32), table.error)
+    return _Table(
+        names=table.names,
+        axes=table.axes,
+        core=core.astype(np.float32),
+        components=right[:keep].astype(np.float32),
+        error=table.error,
+    )
 
 
 def write_painting(

@@ -76,8 +76,9 @@ def lay_out(
     for name, length in zip(("y", "x"), shape, strict=True):
         values, told = coords.get(name, (np.arange(length) + 0.5, {"units": "pixel"}))
         group.create_array(name, data=np.asarray(values), dimension_names=[name], attributes=plain(dict(told)))
-    names = group.create_array("paint", shape=(len(paints),), chunks=(max(len(paints), 1),), dtype=str,
-                               dimension_names=["paint"])  # fmt: skip
+    names = group.create_array(
+        "paint", shape=(len(paints),), chunks=(max(len(paints), 1),), dtype=str, dimension_names=["paint"]
+    )
     names[:] = np.array([*paints], dtype=object)
     with warnings.catch_warnings():
         # zarr warns that others may not know this list of arrays; without it readers complain of the marks' folder.

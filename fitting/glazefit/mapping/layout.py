@@ -53,22 +53,72 @@ PLACES = 3
 """Paints a set can have."""
 
 VARIABLES = (
-    Variable("status", "uint8", 0, "", "what became of the pixel"),
-    Variable("way", "uint8", 0, "", "how its answer was found"),
-    Variable("members", "int16", -1, "", "paints of the most probable set, by number; -1 for none", ("place",)),
-    Variable("coats", "int8", 0, "", "coat of each of them, 0 the uppermost", ("place",)),
-    Variable("condition", "int8", 0, "", "how it lies if not as told"),
-    Variable("probability", "float32", float("nan"), "1", "probability of that set"),
-    Variable("none", "float32", float("nan"), "1", "probability that no paints of the catalogue explain the pixel"),
-    Variable("explained", "uint8", 0, "", "1 where the catalogue explains the pixel"),
-    Variable("paint_probability", "float32", float("nan"), "1", "probability of each paint", ("paint",)),
-    Variable("fraction", "float32", float("nan"), "1", "share by mass of each paint of the set", ("place",)),
-    Variable("fraction_sd", "float32", float("nan"), "1", "its standard deviation", ("place",)),
-    Variable("thickness", "float32", float("nan"), "m", "thickness of all coats; NaN where the film hides its ground"),
-    Variable("thickness_sd", "float32", float("nan"), "m", "its standard deviation"),
-    Variable("misfit", "float32", float("nan"), "Delta E00", "how far off the best candidates are"),
-    Variable("rmse", "float32", float("nan"), "1", "root mean square of measured less fitted reflectance"),
-    Variable("true_colour", "uint8", 0, "", "sRGB under D65, 2 degrees", ("rgb",)),
+    Variable(name="status", dtype="uint8", fill=0, unit="", words="what became of the pixel"),
+    Variable(name="way", dtype="uint8", fill=0, unit="", words="how its answer was found"),
+    Variable(
+        name="members",
+        dtype="int16",
+        fill=-1,
+        unit="",
+        words="paints of the most probable set, by number; -1 for none",
+        further=("place",),
+    ),
+    Variable(
+        name="coats", dtype="int8", fill=0, unit="", words="coat of each of them, 0 the uppermost", further=("place",)
+    ),
+    Variable(name="condition", dtype="int8", fill=0, unit="", words="how it lies if not as told"),
+    Variable(name="probability", dtype="float32", fill=float("nan"), unit="1", words="probability of that set"),
+    Variable(
+        name="none",
+        dtype="float32",
+        fill=float("nan"),
+        unit="1",
+        words="probability that no paints of the catalogue explain the pixel",
+    ),
+    Variable(name="explained", dtype="uint8", fill=0, unit="", words="1 where the catalogue explains the pixel"),
+    Variable(
+        name="paint_probability",
+        dtype="float32",
+        fill=float("nan"),
+        unit="1",
+        words="probability of each paint",
+        further=("paint",),
+    ),
+    Variable(
+        name="fraction",
+        dtype="float32",
+        fill=float("nan"),
+        unit="1",
+        words="share by mass of each paint of the set",
+        further=("place",),
+    ),
+    Variable(
+        name="fraction_sd",
+        dtype="float32",
+        fill=float("nan"),
+        unit="1",
+        words="its standard deviation",
+        further=("place",),
+    ),
+    Variable(
+        name="thickness",
+        dtype="float32",
+        fill=float("nan"),
+        unit="m",
+        words="thickness of all coats; NaN where the film hides its ground",
+    ),
+    Variable(name="thickness_sd", dtype="float32", fill=float("nan"), unit="m", words="its standard deviation"),
+    Variable(
+        name="misfit", dtype="float32", fill=float("nan"), unit="Delta E00", words="how far off the best candidates are"
+    ),
+    Variable(
+        name="rmse",
+        dtype="float32",
+        fill=float("nan"),
+        unit="1",
+        words="root mean square of measured less fitted reflectance",
+    ),
+    Variable(name="true_colour", dtype="uint8", fill=0, unit="", words="sRGB under D65, 2 degrees", further=("rgb",)),
 )
 """All arrays of a map. `paint` counts the catalogue's paints, `place` those of a set, `rgb` red, green and blue."""
 

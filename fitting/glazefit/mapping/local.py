@@ -214,7 +214,9 @@ def _local_models(searcher: Searcher, measured: Measured, pool: Pool, odds: Odds
     }
     candidates = Local(*(_single(local[f.name]) for f in fields(Local)))
     readings, blur = _single(measured.readings[:, 0]), _single(odds.off.blur)
-    return Searched(readings, blur, _single(rest), _single(rest_paints), candidates)
+    return Searched(
+        readings=readings, blur=blur, rest=_single(rest), rest_paints=_single(rest_paints), local=candidates
+    )
 
 
 def _brighter(measured: Measured) -> Measured:
@@ -251,8 +253,15 @@ def _linear(
         for part in (pool.logs, pool.weighed)
     )
     readings = pool.readings[row, place]
-    known = pool.covariance[row, place][:, :size, :size], pool.log_weight[row, place]
-    films = Films(row, place, sets, weighed_logs, *known, readings)
+    films = Films(
+        row=row,
+        place=place,
+        sets=sets,
+        logs=weighed_logs,
+        covariance=pool.covariance[row, place][:, :size, :size],
+        log_weight=pool.log_weight[row, place],
+        readings=readings,
+    )
     if stack:
         near = own = _stack_slopes(task, some, pool, films)
         errors = own_errors(task, some, row, sets, own)

@@ -123,9 +123,19 @@ def map_cube(
     check_map(out, overwrite=overwrite)
     tell: Told = told or (lambda _: None)
     task = map_task(
-        cube, pigments, grounds=grounds, mask=mask, spots=spots, instrument=instrument, geometry=geometry, noise=noise,
-        discrepancy=discrepancy, prior=prior, max_paints=max_paints, layers=layers,
-    )  # fmt: skip
+        cube,
+        pigments,
+        grounds=grounds,
+        mask=mask,
+        spots=spots,
+        instrument=instrument,
+        geometry=geometry,
+        noise=noise,
+        discrepancy=discrepancy,
+        prior=prior,
+        max_paints=max_paints,
+        layers=layers,
+    )
     tell(Progress("reading", 0, 1, task.notes))
     bands, paints = task.image.bands, task.searcher.paints
     most, base = _most_representatives(task, memory)
@@ -153,7 +163,9 @@ def map_cube(
         if "checked" not in store.work.done():
             tell(Progress("checking", 0, 1))
             store.work.put("checked", compare(task, atlas, surveyed.checked).arrays())
-        solver = PixelSolver(task.image, task.searcher, task.ground, atlas, surveyed.reach)
+        solver = PixelSolver(
+            image=task.image, searcher=task.searcher, ground=task.ground, atlas=atlas, reach=surveyed.reach
+        )
         total = len(store.windows())
         tell(Progress("mapping", len(store.done()), total))
         run_chunks(store, solver, client, lambda *_: tell(Progress("mapping", len(store.done()), total)))
@@ -206,7 +218,9 @@ def _surveyed(store: MapStore, task: MapTask, most: int, tell: Told) -> _Surveye
     kept = work.get("survey")
     features = Features(kept["middle"], kept["directions"])
     noise = Noise(*kept["noise"].tolist())
-    return _Surveyed(noise, features, kept["readings"], float(kept["reach"]), kept["checked"])
+    return _Surveyed(
+        noise=noise, features=features, readings=kept["readings"], reach=float(kept["reach"]), checked=kept["checked"]
+    )
 
 
 def _sample(task: MapTask) -> tuple[Float[np.ndarray, "pixels bands"], Noise]:

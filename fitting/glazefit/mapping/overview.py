@@ -106,8 +106,11 @@ def overview(dataset: "xr.Dataset", most: tuple[int, int] = MOST) -> Overview:
     Raises:
         ValueError: the dataset lacks a variable of a map.
     """
-    lacking = [name for name in ("status", "way", "paint_probability", "true_colour", *_MEANS, *_EXAMPLES)
-               if name not in dataset]  # fmt: skip
+    lacking = [
+        name
+        for name in ("status", "way", "paint_probability", "true_colour", *_MEANS, *_EXAMPLES)
+        if name not in dataset
+    ]
     if lacking:
         raise ValueError(f"this is no map of paints: it lacks {', '.join(sorted(set(lacking)))}")
     height, width = dataset.sizes["y"], dataset.sizes["x"]
@@ -133,8 +136,17 @@ def overview(dataset: "xr.Dataset", most: tuple[int, int] = MOST) -> Overview:
 
 def pixel_area(dataset: "xr.Dataset") -> float | None:
     """Area of a pixel in m2 by the coordinates y and x, or None where they have no unit of length."""
-    metres = {"m": 1.0, "metre": 1.0, "meter": 1.0, "metres": 1.0, "meters": 1.0, "cm": 1e-2, "mm": 1e-3,
-              "um": 1e-6, "µm": 1e-6}  # fmt: skip
+    metres = {
+        "m": 1.0,
+        "metre": 1.0,
+        "meter": 1.0,
+        "metres": 1.0,
+        "meters": 1.0,
+        "cm": 1e-2,
+        "mm": 1e-3,
+        "um": 1e-6,
+        "µm": 1e-6,
+    }
     area = 1.0
     for name in ("y", "x"):
         if name not in dataset.coords or dataset.sizes[name] < 2:

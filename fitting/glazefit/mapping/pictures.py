@@ -18,9 +18,22 @@ if TYPE_CHECKING:
     import xarray as xr
 
 LEGEND = (
-    "#cc6677", "#332288", "#ddcc77", "#117733", "#88ccee", "#e69f00", "#8668e1", "#2b0d0d", "#864968", "#a486a4",
-    "#680de1", "#c2ffc2", "#e12b49", "#0d490d", "#0d0d2b",
-)  # fmt: skip
+    "#cc6677",
+    "#332288",
+    "#ddcc77",
+    "#117733",
+    "#88ccee",
+    "#e69f00",
+    "#8668e1",
+    "#2b0d0d",
+    "#864968",
+    "#a486a4",
+    "#680de1",
+    "#c2ffc2",
+    "#e12b49",
+    "#0d490d",
+    "#0d0d2b",
+)
 """Colours of sets in the legend map, the largest set's first; no two are near for people who see few colours, either.
 
 Source: the first from P. Tol, Colour Schemes (2021), muted, and M. Okabe and K. Ito (2008); each further one is the
@@ -106,43 +119,87 @@ def numbers_of(look: Overview) -> list[MapPicture]:
     thick = means["thickness"] * 1e6
     top = _top(thick, 98.0, 1.0)
     return [
-        MapPicture("probability", "How sure: probability of the most probable set",
-                   "Low where several sets explain a pixel about as well.", means["probability"],
-                   Scale("viridis", 0.0, 1.0)),
-        MapPicture("none", "None of these paints", "Probability that no paints of the catalogue explain a pixel.",
-                   means["none"], Scale("viridis", 0.0, 1.0)),
-        MapPicture("thickness", "Thickness of all coats", "Grey where it is not known: the film hides its ground, "
-                   "or no paints explain it.", thick, Scale("viridis", 0.0, top, "µm")),
-        MapPicture("thickness_sd", "Thickness: its standard deviation", "How well the thickness is known, if the film "
-                   "is of these paints.", means["thickness_sd"] * 1e6,
-                   Scale("viridis", 0.0, _top(means["thickness_sd"] * 1e6, 98.0, 0.1), "µm")),
-        MapPicture("misfit", "Misfit", "Colour difference between what was measured and the best candidates: below 1 "
-                   "nobody sees it.", means["misfit"], Scale("inferno", 0.0, max(2.0, _top(means["misfit"], 99.5, 0.1)),
-                   "ΔE00")),
-        MapPicture("rmse", "Misfit of the spectra", "Root mean square of measured less fitted reflectance.",
-                   means["rmse"], Scale("inferno", 0.0, _top(means["rmse"], 99.5, 0.001))),
-    ]  # fmt: skip
+        MapPicture(
+            key="probability",
+            title="How sure: probability of the most probable set",
+            words="Low where several sets explain a pixel about as well.",
+            values=means["probability"],
+            scale=Scale("viridis", 0.0, 1.0),
+        ),
+        MapPicture(
+            key="none",
+            title="None of these paints",
+            words="Probability that no paints of the catalogue explain a pixel.",
+            values=means["none"],
+            scale=Scale("viridis", 0.0, 1.0),
+        ),
+        MapPicture(
+            key="thickness",
+            title="Thickness of all coats",
+            words="Grey where it is not known: the film hides its ground, or no paints explain it.",
+            values=thick,
+            scale=Scale("viridis", 0.0, top, "µm"),
+        ),
+        MapPicture(
+            key="thickness_sd",
+            title="Thickness: its standard deviation",
+            words="How well the thickness is known, if the film is of these paints.",
+            values=means["thickness_sd"] * 1e6,
+            scale=Scale("viridis", 0.0, _top(means["thickness_sd"] * 1e6, 98.0, 0.1), "µm"),
+        ),
+        MapPicture(
+            key="misfit",
+            title="Misfit",
+            words="Colour difference between what was measured and the best candidates: below 1 nobody sees it.",
+            values=means["misfit"],
+            scale=Scale("inferno", 0.0, max(2.0, _top(means["misfit"], 99.5, 0.1)), "ΔE00"),
+        ),
+        MapPicture(
+            key="rmse",
+            title="Misfit of the spectra",
+            words="Root mean square of measured less fitted reflectance.",
+            values=means["rmse"],
+            scale=Scale("inferno", 0.0, _top(means["rmse"], 99.5, 0.001)),
+        ),
+    ]
 
 
 def paint_pictures(look: Overview, paint: int) -> list[MapPicture]:
     """Maps of one paint: its probability, and its amount, or its share where films hide their ground."""
     name = look.paints[paint]
     found = [
-        MapPicture(f"{_file(name)}_probability", f"{name}: probability", "", look.paint_probability[..., paint],
-                   Scale("magma_r", 0.0, 1.0)),
-    ]  # fmt: skip
+        MapPicture(
+            key=f"{_file(name)}_probability",
+            title=f"{name}: probability",
+            words="",
+            values=look.paint_probability[..., paint],
+            scale=Scale("magma_r", 0.0, 1.0),
+        ),
+    ]
     amount = look.paint_amount[..., paint] * 1e6
     share = look.paint_share[..., paint]
     with np.errstate(invalid="ignore"):
         unknown = np.sum(np.isnan(amount) & (share > 0)) > 0.5 * np.sum(share > 0)
     if unknown:
         found.append(
-            MapPicture(f"{_file(name)}_share", f"{name}: share by mass", "", share, Scale("magma_r", 0.0, 1.0))
+            MapPicture(
+                key=f"{_file(name)}_share",
+                title=f"{name}: share by mass",
+                words="",
+                values=share,
+                scale=Scale("magma_r", 0.0, 1.0),
+            )
         )
     else:
         top = _top(np.where(amount > 0, amount, np.nan), 98.0, 0.1)
         found.append(
-            MapPicture(f"{_file(name)}_amount", f"{name}: amount", "", amount, Scale("magma_r", 0.0, top, "µm"))
+            MapPicture(
+                key=f"{_file(name)}_amount",
+                title=f"{name}: amount",
+                words="",
+                values=amount,
+                scale=Scale("magma_r", 0.0, top, "µm"),
+            )
         )
     return found
 
@@ -279,13 +336,23 @@ def _write_legend(look: Overview, path: Path, own: Sequence[str]) -> None:
         for n, members in enumerate(legend_sets(look), start=1):
             if members in places:
                 x, y = places[members]
-                picture_axes.text(x * size[1], y * size[0], str(n), ha="center", va="center", fontsize=8, color=INK,
-                                  bbox={"boxstyle": "circle,pad=.25", "fc": "white", "ec": INK, "lw": 0.6})  # fmt: skip
+                picture_axes.text(
+                    x * size[1],
+                    y * size[0],
+                    str(n),
+                    ha="center",
+                    va="center",
+                    fontsize=8,
+                    color=INK,
+                    bbox={"boxstyle": "circle,pad=.25", "fc": "white", "ec": INK, "lw": 0.6},
+                )
         axes = figure.add_axes((8.15 / width, 0, 4.0 / width, 1))
         axes.set(xlim=(0, 4.0), ylim=(tall, 0))
         axes.set_axis_off()
-        rows = [(f"{n}  {look.words(m)}", colour, mixed, look.sets[m]) for n, (m, colour, mixed) in
-                enumerate(zip(legend_sets(look), LEGEND, own, strict=False), start=1)]  # fmt: skip
+        rows = [
+            (f"{n}  {look.words(m)}", colour, mixed, look.sets[m])
+            for n, (m, colour, mixed) in enumerate(zip(legend_sets(look), LEGEND, own, strict=False), start=1)
+        ]
         rest = sum(look.sets[m] for m in look.ranked[len(LEGEND) :])
         rows += [("further sets", OTHERS, None, rest)] if rest else []
         rows += [("none of these paints", None, None, look.sets[()])] if look.sets.get(()) else []

@@ -125,8 +125,10 @@ def connected(address: str | None, seconds: float = 20.0) -> "Iterator[Client | 
         client = Client(address, timeout=seconds, set_as_default=False)
     except (OSError, ValueError) as error:
         words = str(error).splitlines()[0] if str(error) else type(error).__name__
-        raise ValueError(f"--scheduler {address}: no dask scheduler answers there ({words}); start one with "
-                         "`dask scheduler`, and workers with `dask worker`") from None  # fmt: skip
+        raise ValueError(
+            f"--scheduler {address}: no dask scheduler answers there ({words}); start one with "
+            "`dask scheduler`, and workers with `dask worker`"
+        ) from None
     with client:
         yield client
 

@@ -157,8 +157,12 @@ class Scene:
         lay("hills", y > 0.46 + 0.035 * slow)
         lay("meadow", y > 0.62 + 0.02 * slow + 0.006 * fast)
         lay("earth", y > 0.87 + 0.02 * middle + 0.004 * fast)
-        lay("trunk", (np.abs(x - 0.17 - self.shift[0, 0] - 0.008 * middle) < 0.018 + 0.03 * (y - 0.6) ** 2)
-            & (y > 0.4) & (y < 0.88))  # fmt: skip
+        lay(
+            "trunk",
+            (np.abs(x - 0.17 - self.shift[0, 0] - 0.008 * middle) < 0.018 + 0.03 * (y - 0.6) ** 2)
+            & (y > 0.4)
+            & (y < 0.88),
+        )
         crown = blob(0, (0.17, 0.33), (0.15, 0.24), 0.18 * middle + 0.1 * fast)
         lay("foliage in shade", crown)
         lay("foliage in light", crown & (fast + 0.8 * middle - 7.0 * (x - 0.17) - 4.0 * (y - 0.33) > 0.5))

@@ -191,7 +191,13 @@ def _sums(found: Answers, seen: Float[np.ndarray, "spectra bands"]) -> dict[tupl
         thickness = np.exp(found.amounts[rows]).sum(axis=1)[~found.opaque[rows]].astype(np.float64)
         key = tuple(int(m) for m in sets[number] if m != NOBODY)
         total = float(thickness.sum()), len(thickness)
-        out[key] = SetSum(len(rows), own.sum(axis=0), fitted.sum(axis=0), (own**2).sum(axis=0), total)
+        out[key] = SetSum(
+            pixels=len(rows),
+            spectrum=own.sum(axis=0),
+            fitted=fitted.sum(axis=0),
+            square=(own**2).sum(axis=0),
+            thickness=total,
+        )
     return out
 
 

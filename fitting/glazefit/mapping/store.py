@@ -46,8 +46,10 @@ class MapStore:
             raise ValueError(f"{self.path} is no map of glazejax; name the folder that `glazejax map` wrote with --out")
         told = attrs["glazejax"]
         if told["format"] != FORMAT:
-            raise ValueError(f"{self.path} is a map of format {told['format']}, written by another glazejax; "
-                             f"this one reads format {FORMAT}")  # fmt: skip
+            raise ValueError(
+                f"{self.path} is a map of format {told['format']}, written by another glazejax; "
+                f"this one reads format {FORMAT}"
+            )
         self.shape: tuple[int, int] = (told["shape"][0], told["shape"][1])
         self.chunk: tuple[int, int] = (told["chunk"][0], told["chunk"][1])
         self.paints: tuple[str, ...] = tuple(attrs["paints"])
@@ -94,8 +96,10 @@ class MapStore:
         if path.exists() and any(path.iterdir()) and not overwrite:
             there = cls(path)
             if told := _differences(there.options, wanted):
-                raise ValueError(f"{path} was begun with other options ({told}); name another map, or replace it with "
-                                 "overwrite=True (--overwrite)")  # fmt: skip
+                raise ValueError(
+                    f"{path} was begun with other options ({told}); name another map, or replace it with "
+                    "overwrite=True (--overwrite)"
+                )
             return there
         new, old = (path.with_name(f".{path.name}.{word}") for word in ("new", "old"))
         for left in (new, old):
@@ -155,8 +159,13 @@ class MapStore:
             if array.shape != expected:
                 raise ValueError(f"{name} of window {window.key} has shape {array.shape}; it must be {expected}")
         group = self._writable()
-        with _room(self.path, lambda: f"{len(self.done())} of {len(self.windows())} windows are finished and kept: "
-                                      "make room, then run the same again and it goes on"):  # fmt: skip
+        with _room(
+            self.path,
+            lambda: (
+                f"{len(self.done())} of {len(self.windows())} windows are finished and kept: "
+                "make room, then run the same again and it goes on"
+            ),
+        ):
             for variable in VARIABLES:
                 given = maps.arrays.get(variable.name)
                 fill = np.asarray(variable.fill).astype(variable.dtype)

@@ -128,4 +128,6 @@ def survey(sample: Float[np.ndarray, "spectra bands"], most: int, reach: float) 
     there = np.flatnonzero(count > 0)
     sums = np.stack([np.bincount(which, weights=column, minlength=len(centres)) for column in sample.T], axis=1)
     readings = sums[there] / count[there, None]
-    return Survey(features, readings, features(readings), float(apart.max()), len(sample))
+    return Survey(
+        features=features, readings=readings, centres=features(readings), reach=float(apart.max()), sampled=len(sample)
+    )

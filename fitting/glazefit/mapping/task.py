@@ -93,9 +93,15 @@ def map_task(
     known = given + [spot_pigment(name, stored, spectrum, given, seen_by) for name, spectrum in (spots or {}).items()]
     bands = WorkingBands.of(stored, known)
     searcher = Searcher.of(
-        bands.wavelengths, known, opaque=grounds is None, instrument=seen_by, discrepancy=errors, prior=expected,
-        max_paints=max_paints, layers=layers,
-    )  # fmt: skip
+        bands.wavelengths,
+        known,
+        opaque=grounds is None,
+        instrument=seen_by,
+        discrepancy=errors,
+        prior=expected,
+        max_paints=max_paints,
+        layers=layers,
+    )
     ground = None if grounds is None else _ground(grounds, bands, stored)
     options = {
         "version": _VERSION,
@@ -112,9 +118,18 @@ def map_task(
         "layers": layers,
     }
     coords = {axis: (np.asarray(array[axis]), dict(array[axis].attrs)) for axis in ("y", "x") if axis in array.coords}
-    image = Image(source, bands, noise or Noise(), use, array.attrs.get("saturated"))
+    image = Image(source=source, bands=bands, noise=noise or Noise(), mask=use, saturated=array.attrs.get("saturated"))
     notes = tuple(array.attrs.get("notes", ()))
-    return MapTask(image, shape, searcher, ground, noise is not None, options, notes, coords)
+    return MapTask(
+        image=image,
+        shape=shape,
+        searcher=searcher,
+        ground=ground,
+        told_noise=noise is not None,
+        options=options,
+        notes=notes,
+        coords=coords,
+    )
 
 
 def _ground(grounds: ArrayLike, bands: WorkingBands, stored: np.ndarray) -> Float[np.ndarray, "bands"]:

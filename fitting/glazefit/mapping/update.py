@@ -45,18 +45,18 @@ class Answers:
         """Room for answers."""
         real = np.float32
         return cls(
-            np.full((spectra, 3), NOBODY, np.int16),
-            np.zeros((spectra, 3), np.int8),
-            np.zeros(spectra, np.int8),
-            np.zeros(spectra, bool),
-            np.full(spectra, np.nan, real),
-            np.full(spectra, np.nan, real),
-            np.zeros(spectra, bool),
-            np.full((spectra, paints), np.nan, real),
-            np.full((spectra, 3), -np.inf, real),
-            np.zeros((spectra, 3, 3), real),
-            np.full(spectra, np.nan, real),
-            np.full((spectra, bands), np.nan, real),
+            members=np.full((spectra, 3), NOBODY, np.int16),
+            coats=np.zeros((spectra, 3), np.int8),
+            condition=np.zeros(spectra, np.int8),
+            opaque=np.zeros(spectra, bool),
+            probability=np.full(spectra, np.nan, real),
+            none=np.full(spectra, np.nan, real),
+            explained=np.zeros(spectra, bool),
+            paint_probability=np.full((spectra, paints), np.nan, real),
+            amounts=np.full((spectra, 3), -np.inf, real),
+            covariance=np.zeros((spectra, 3, 3), real),
+            misfit=np.full(spectra, np.nan, real),
+            fitted=np.full((spectra, bands), np.nan, real),
         )
 
     @property
@@ -120,18 +120,19 @@ class Updater:
             amounts[own] += np.clip(moved[own] @ local.amounts_by[n].T, -_FAR, _FAR)
             fitted[own] += moved[own] @ local.fitted_by[n].T
         return Answers(
-            local.members[first],
-            local.coats[first],
-            local.condition[first],
-            local.opaque[first],
-            odds.candidates[rows, first] / total,
-            none,
-            (none < 0.5) & ~odds.rejected[rows, first],
-            (odds.candidates / total[:, None]) @ self.present + (self.rest * (1.0 - none))[:, None] * self.rest_paints,
-            amounts,
-            local.covariance[first],
-            odds.misfit,
-            fitted,
+            members=local.members[first],
+            coats=local.coats[first],
+            condition=local.condition[first],
+            opaque=local.opaque[first],
+            probability=odds.candidates[rows, first] / total,
+            none=none,
+            explained=(none < 0.5) & ~odds.rejected[rows, first],
+            paint_probability=(odds.candidates / total[:, None]) @ self.present
+            + (self.rest * (1.0 - none))[:, None] * self.rest_paints,
+            amounts=amounts,
+            covariance=local.covariance[first],
+            misfit=odds.misfit,
+            fitted=fitted,
         )
 
 
@@ -139,9 +140,17 @@ def _order(local: Local) -> list[Smaller]:
     """Which candidates have others of one paint less beside them."""
     nothing, logs = np.zeros((1, len(local.row), 0)), local.amounts[None]
     pool = Pool(
-        local.members[None], local.coats[None], logs, logs, local.covariance[None], local.log_weight[None], nothing,
-        nothing, local.log_weight[None], local.condition[None],
-    )  # fmt: skip
+        members=local.members[None],
+        coats=local.coats[None],
+        logs=logs,
+        weighed=logs,
+        covariance=local.covariance[None],
+        log_weight=local.log_weight[None],
+        readings=nothing,
+        allowed=nothing,
+        gloss=local.log_weight[None],
+        condition=local.condition[None],
+    )
     return smaller_sets(pool, 0, np.ones(len(local.row), bool))
 
 

@@ -91,8 +91,10 @@ def chunk_shape(
     pixel = bands * bytes_per_value
     needed = base + pixel * _SMALLEST**2
     if memory < needed:
-        raise ValueError(f"the memory bound is {_mebibytes(memory)}; with {bands} bands it must be at least "
-                         f"{_mebibytes(needed)}, such as 2GiB")  # fmt: skip
+        raise ValueError(
+            f"the memory bound is {_mebibytes(memory)}; with {bands} bands it must be at least "
+            f"{_mebibytes(needed)}, such as 2GiB"
+        )
     side = min(_LARGEST, int(((memory - base) / pixel) ** 0.5))
     # Windows of one size, as far as the image allows: no thin strip remains at its edges.
     rows, columns = (ceil(length / ceil(length / side)) for length in shape)

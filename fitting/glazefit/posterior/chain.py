@@ -278,7 +278,11 @@ def read_chain(backend: Any, blocks: int, thin: int, interrupted: bool = False) 
     parts = log_prob if parts is None else parts
     accepted = float(np.mean(backend.accepted)) / steps
     return Chain(
-        free[:steps].reshape(*shape, -1), np.asarray(parts[:steps]).reshape(shape), accepted, thin, interrupted
+        free=free[:steps].reshape(*shape, -1),
+        log_probability=np.asarray(parts[:steps]).reshape(shape),
+        accepted=accepted,
+        thin=thin,
+        interrupted=interrupted,
     )
 
 

@@ -132,7 +132,7 @@ def posterior(
     instrument = Instrument(seen_by, refractive_index)
     errors = Noise(noise, noise_share)
     prior = FilmPrior(thickness=usual, error=paint_error)
-    made_of = _Paints(options.listed(paints), coats, bands, pigments, prior)
+    made_of = _Paints(names=options.listed(paints), coats=coats, bands=bands, pigments=pigments, prior=prior)
     task = (
         _simulated(made_of, instrument, errors, seed, console)
         if simulate

@@ -166,14 +166,14 @@ def pose_films(
         return jnp.asarray(np.stack(values) * prior.thickness)
 
     data = FilmData(
-        gather("absorption"),
-        gather("scattering"),
-        jnp.asarray(np.stack([f.reflectance for f in films])),
-        jnp.asarray(np.stack([f.ground for f in films])),
-        jnp.zeros((count_films, 2, bands)),
-        jnp.zeros((count_films, bands, grounds)),
-        jnp.asarray(np.stack([np.eye(bands * grounds) / f.sd.ravel() for f in films])),
-        jnp.zeros((count_films, bands * grounds)),
+        absorption=gather("absorption"),
+        scattering=gather("scattering"),
+        reading=jnp.asarray(np.stack([f.reflectance for f in films])),
+        ground=jnp.asarray(np.stack([f.ground for f in films])),
+        shift=jnp.zeros((count_films, 2, bands)),
+        offset=jnp.zeros((count_films, bands, grounds)),
+        whiten=jnp.asarray(np.stack([np.eye(bands * grounds) / f.sd.ravel() for f in films])),
+        spread=jnp.zeros((count_films, bands * grounds)),
     )
     numbers = (instrument.seen_surface, prior.thickness_spread, prior.concentration, np.log(prior.error))
     shared = FilmShared(

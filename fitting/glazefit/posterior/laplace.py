@@ -179,7 +179,14 @@ def laplace(problem: Problem, found: Modes, *, seed: int = 0, draws: int = 4000)
     settled = np.take_along_axis(found.settled, chosen, axis=1) & real
     weights = np.exp(volume - logsumexp(volume, axis=1, keepdims=True))
     nothing = np.empty((0, blocks, problem.dims))
-    first = Laplace(modes, covariances, weights, np.full(blocks, np.nan), nothing, settled)
+    first = Laplace(
+        modes=modes,
+        covariances=covariances,
+        weights=weights,
+        tail=np.full(blocks, np.nan),
+        sample=nothing,
+        settled=settled,
+    )
     tail, sample = _weighted(problem, first, draws, seed)
     return replace(first, tail=tail, sample=sample)
 

@@ -65,7 +65,13 @@ class Layout:
             at += thick
         spectra = (slice(at, at + self.modes[0]), slice(at + self.modes[0], at + sum(self.modes)))
         at += sum(self.modes)
-        return Places(tuple(ratios), tuple(thickness), spectra, at if self.gloss else None, at + self.gloss)
+        return Places(
+            ratios=tuple(ratios),
+            thickness=tuple(thickness),
+            spectra=spectra,
+            gloss=at if self.gloss else None,
+            error=at + self.gloss,
+        )
 
     @property
     def prior_rows(self) -> int:

@@ -55,6 +55,15 @@ def posterior_of_coats(
     walkers = max(_WALKERS, 2 * problem.dims + 2) if walkers is None else walkers
     problem, found = pose_stack_errors(problem, [reading], prior, seed=seed)
     return sample(
-        problem, (reading,), found, steps=steps, walkers=walkers, thin=thin, seed=seed, path=path, resume=resume,
-        overwrite=overwrite, progress=progress,
-    )  # fmt: skip
+        problem,
+        (reading,),
+        found,
+        steps=steps,
+        walkers=walkers,
+        thin=thin,
+        seed=seed,
+        path=path,
+        resume=resume,
+        overwrite=overwrite,
+        progress=progress,
+    )

@@ -65,15 +65,32 @@ def _corner_of_film(posterior: Posterior, path: str | Path) -> None:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
             corner.corner(
-                approximate, color=LAPLACE, bins=30, smooth=1.0, plot_density=False, no_fill_contours=True,
-                weights=np.full(len(approximate), len(draws) / len(approximate)), hist_kwargs={"lw": 1.2}, **common,
-            )  # fmt: skip
+                approximate,
+                color=LAPLACE,
+                bins=30,
+                smooth=1.0,
+                plot_density=False,
+                no_fill_contours=True,
+                weights=np.full(len(approximate), len(draws) / len(approximate)),
+                hist_kwargs={"lw": 1.2},
+                **common,
+            )
             if posterior.chain is not None:
                 corner.corner(
-                    draws, color=SAMPLED, bins=30, smooth=1.0, labels=titles, show_titles=True,
-                    quantiles=list(LEVELS), title_quantiles=list(LEVELS), title_fmt=".3g",
-                    title_kwargs={"fontsize": 9}, label_kwargs={"fontsize": 10}, hist_kwargs={"lw": 1.4}, **common,
-                )  # fmt: skip
+                    draws,
+                    color=SAMPLED,
+                    bins=30,
+                    smooth=1.0,
+                    labels=titles,
+                    show_titles=True,
+                    quantiles=list(LEVELS),
+                    title_quantiles=list(LEVELS),
+                    title_fmt=".3g",
+                    title_kwargs={"fontsize": 9},
+                    label_kwargs={"fontsize": 10},
+                    hist_kwargs={"lw": 1.4},
+                    **common,
+                )
         count = len(names)
         axes = np.array(figure.axes[: count * count]).reshape(count, count)
         for i in range(count):
@@ -93,10 +110,13 @@ def _legend(figure: Any, posterior: Posterior) -> None:
     if posterior.chain is not None:
         lines.insert(0, Line2D([], [], color=SAMPLED, label="emcee"))
     figure.legend(
-        handles=lines, loc="upper right", fontsize=10,
+        handles=lines,
+        loc="upper right",
+        fontsize=10,
         title=f"{posterior.films[0].name}\nmedian [5 %, 95 %]; contours of 50 and 90 %\n{_subtitle(posterior)}",
-        title_fontsize=10, alignment="left",
-    )  # fmt: skip
+        title_fontsize=10,
+        alignment="left",
+    )
 
 
 def _corner_of_bands(posterior: Posterior, path: str | Path) -> None:

@@ -241,9 +241,18 @@ def posterior_of_film(
     problem = pose_films([reading], [paints], instrument, prior)
     problem, found = pose_errors(problem, [reading], instrument, prior, seed=seed)
     return sample(
-        problem, (reading,), found, steps=steps, walkers=walkers, thin=thin, seed=seed, path=path, resume=resume,
-        overwrite=overwrite, progress=progress,
-    )  # fmt: skip
+        problem,
+        (reading,),
+        found,
+        steps=steps,
+        walkers=walkers,
+        thin=thin,
+        seed=seed,
+        path=path,
+        resume=resume,
+        overwrite=overwrite,
+        progress=progress,
+    )
 
 
 def posterior_of_bands(
@@ -279,9 +288,18 @@ def posterior_of_bands(
     problem = pose_bands(reading, gloss, instrument)
     found = find_modes(problem, seed=seed)
     return sample(
-        problem, (reading,), found, steps=steps, walkers=walkers, thin=thin, seed=seed, path=path, resume=resume,
-        overwrite=overwrite, progress=progress,
-    )  # fmt: skip
+        problem,
+        (reading,),
+        found,
+        steps=steps,
+        walkers=walkers,
+        thin=thin,
+        seed=seed,
+        path=path,
+        resume=resume,
+        overwrite=overwrite,
+        progress=progress,
+    )
 
 
 def sample(

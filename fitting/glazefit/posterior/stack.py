@@ -166,13 +166,13 @@ def pose_stack(
     some = any(coat.unknown for coat in first)
     modes = spectra.modes(grid) if some else (np.zeros((grid.size, 0)), np.zeros((grid.size, 0)))
     layout = Layout(
-        tuple(len(coat.paints) for coat in first),
-        tuple(coat.open_fractions for coat in first),
-        tuple(coat.open_thickness for coat in first),
-        (modes[0].shape[1], modes[1].shape[1]),
-        instrument.seen_surface > 0,
-        prior.concentration,
-        Optics.of(instrument.geometry, instrument.refractive_index),
+        sizes=tuple(len(coat.paints) for coat in first),
+        fractions=tuple(coat.open_fractions for coat in first),
+        thickness=tuple(coat.open_thickness for coat in first),
+        modes=(modes[0].shape[1], modes[1].shape[1]),
+        gloss=instrument.seen_surface > 0,
+        concentration=prior.concentration,
+        optics=Optics.of(instrument.geometry, instrument.refractive_index),
     )
     median = np.array([[prior.thickness if c.thickness is None else c.thickness for c in stack] for stack in stacks])
     spread = np.array([[c.spread or prior.thickness_spread for c in stack] for stack in stacks])
@@ -195,16 +195,16 @@ def pose_stack(
         return jnp.asarray(np.stack([getattr(film, what) for film in films]))
 
     data = StackData(
-        gather("absorption"),
-        gather("scattering"),
-        jnp.asarray(np.stack([np.concatenate([np.empty(0), *(c.shares for c in stack)]) for stack in stacks])),
-        jnp.asarray(spread),
-        stacked("reflectance"),
-        stacked("ground"),
-        jnp.zeros((count, 2 * len(first), bands)),
-        jnp.zeros((count, bands, grounds)),
-        jnp.asarray(np.stack([np.eye(rows) / film.sd.ravel() for film in films])),
-        jnp.zeros((count, rows)),
+        absorption=gather("absorption"),
+        scattering=gather("scattering"),
+        shares=jnp.asarray(np.stack([np.concatenate([np.empty(0), *(c.shares for c in stack)]) for stack in stacks])),
+        thickness_spread=jnp.asarray(spread),
+        reading=stacked("reflectance"),
+        ground=stacked("ground"),
+        shift=jnp.zeros((count, 2 * len(first), bands)),
+        offset=jnp.zeros((count, bands, grounds)),
+        whiten=jnp.asarray(np.stack([np.eye(rows) / film.sd.ravel() for film in films])),
+        spread=jnp.zeros((count, rows)),
     )
     shared = StackShared(
         *(jnp.asarray(float(v)) for v in (instrument.seen_surface, np.log(prior.error), prior.error_spread)),

@@ -76,14 +76,14 @@ def make_model(
     if geometry.specular and mirror:
         surface = float(dielectric_reflectance(np.asarray(geometry.cos_incidence), np.asarray(refractive_index)))
     return StackModel(
-        jnp.asarray(np.stack([np.asarray(p.absorption) for p in pigments]) * 1e-6),
-        jnp.asarray(np.stack([np.asarray(p.scattering) for p in pigments]) * 1e-6),
-        jnp.asarray(np.broadcast_to(np.asarray(ground, float), grid.shape)),
-        jnp.asarray(surface),
-        jnp.asarray(weights),
-        jnp.asarray(weights.sum(axis=0)),
-        jnp.asarray(np.log(np.asarray(thickness) * 1e6)),
-        film_response(geometry, refractive_index),
+        absorption=jnp.asarray(np.stack([np.asarray(p.absorption) for p in pigments]) * 1e-6),
+        scattering=jnp.asarray(np.stack([np.asarray(p.scattering) for p in pigments]) * 1e-6),
+        ground=jnp.asarray(np.broadcast_to(np.asarray(ground, float), grid.shape)),
+        surface=jnp.asarray(surface),
+        weights=jnp.asarray(weights),
+        white=jnp.asarray(weights.sum(axis=0)),
+        span=jnp.asarray(np.log(np.asarray(thickness) * 1e6)),
+        film=film_response(geometry, refractive_index),
     )
 
 

@@ -105,12 +105,12 @@ def polish(model: StackModel, optics: Optics, aims: TargetArrays, stacks: Stacks
     sizes = empty_slots(Slots(*place.slots), place.member * _amounts(place, point)[0][:, None], stacks.sizes.shape[2])
     good = np.isfinite(look.cost)
     return Stacks(
-        np.where(good[:, None, None], sizes, stacks.sizes),
-        stacks.target,
-        np.where(good, look.cost, stacks.cost),
-        settled,
-        steps,
-        before,
+        sizes=np.where(good[:, None, None], sizes, stacks.sizes),
+        target=stacks.target,
+        cost=np.where(good, look.cost, stacks.cost),
+        settled=settled,
+        steps=steps,
+        before=before,
     )
 
 

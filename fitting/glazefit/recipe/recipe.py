@@ -174,11 +174,23 @@ def find_recipes(
     """
     targets, batch = as_targets(target)
     task = make_task(
-        targets, pigments, ground=ground, geometry=geometry, refractive_index=refractive_index,
-        illuminants=illuminants, test_illuminant=test_illuminant, observer=observer, max_paints=max_paints,
-        max_layers=max_layers, glazes=glazes, thickness=thickness, count=count, metamerism=metamerism,
-        simplicity=simplicity, seed=seed,
-    )  # fmt: skip
+        targets,
+        pigments,
+        ground=ground,
+        geometry=geometry,
+        refractive_index=refractive_index,
+        illuminants=illuminants,
+        test_illuminant=test_illuminant,
+        observer=observer,
+        max_paints=max_paints,
+        max_layers=max_layers,
+        glazes=glazes,
+        thickness=thickness,
+        count=count,
+        metamerism=metamerism,
+        simplicity=simplicity,
+        seed=seed,
+    )
     found = [recipes for group in recipe_chunks(task) for recipes in group]
     return found if batch else found[0]
 
@@ -207,9 +219,14 @@ def _searched(task: Task) -> Iterator[list[list[Recipe]]]:
         return _KEEP[coats, paints]
 
     rough = screen(
-        model, aims, max_paints=task.max_paints, max_layers=task.max_layers, keep=keep, seed=task.seed,
+        model,
+        aims,
+        max_paints=task.max_paints,
+        max_layers=task.max_layers,
+        keep=keep,
+        seed=task.seed,
         mixed=not task.glazes,
-    )  # fmt: skip
+    )
     for first in range(0, len(task.targets), GROUP):
         here = range(first, min(first + GROUP, len(task.targets)))
         stacks = _refined(task, model, aims, rough.take(np.flatnonzero(np.isin(rough.target, here))))

@@ -208,10 +208,18 @@ def _rows(found: Sequence[Sequence[Recipe]]) -> Iterator[tuple]:
             for number, (coat, change) in enumerate(zip(recipe.coats, recipe.sensitivity, strict=True), 1):
                 for share, paint in coat.parts:
                     yield (
-                        recipe.target.name, rank, text(recipe.distance, 3), text(recipe.metamerism, 3),
-                        text(recipe.rmse, 5), number, f"{coat.thickness * 1e6:.6g}", paint, f"{share:.6g}",
-                        text(change, 3), text(recipe.between_mixings, 2),
-                    )  # fmt: skip
+                        recipe.target.name,
+                        rank,
+                        text(recipe.distance, 3),
+                        text(recipe.metamerism, 3),
+                        text(recipe.rmse, 5),
+                        number,
+                        f"{coat.thickness * 1e6:.6g}",
+                        paint,
+                        f"{share:.6g}",
+                        text(change, 3),
+                        text(recipe.between_mixings, 2),
+                    )
 
 
 def write_json(found: Sequence[Sequence[Recipe]], path: Path) -> None:

@@ -56,7 +56,14 @@ class Stacks(NamedTuple):
     def unrefined(cls, sizes: np.ndarray, target: np.ndarray, cost: np.ndarray) -> "Stacks":
         """Stacks that no least squares has seen."""
         none = len(target)
-        return cls(sizes, target, cost, np.zeros(none, bool), np.zeros(none, int), np.full(none, np.nan))
+        return cls(
+            sizes=sizes,
+            target=target,
+            cost=cost,
+            settled=np.zeros(none, bool),
+            steps=np.zeros(none, int),
+            before=np.full(none, np.nan),
+        )
 
     @property
     def size(self) -> int:

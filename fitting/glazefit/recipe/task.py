@@ -167,10 +167,23 @@ def make_task(
             target.lab(name, full_observer)  # says what is missing
     paints, base = _on_one_grid(_listed(pigments), ground, targets)
     return Task(
-        tuple(targets), paints, base, geometry or Bidirectional(45, 0), float(refractive_index), names,
-        colour.find_illuminant(test_illuminant), full_observer, min(int(max_paints), len(paints)), int(max_layers),
-        bool(glazes), (low, high), int(count), float(metamerism), float(simplicity), int(seed),
-    )  # fmt: skip
+        targets=tuple(targets),
+        pigments=paints,
+        ground=base,
+        geometry=geometry or Bidirectional(45, 0),
+        refractive_index=float(refractive_index),
+        illuminants=names,
+        test_illuminant=colour.find_illuminant(test_illuminant),
+        observer=full_observer,
+        max_paints=min(int(max_paints), len(paints)),
+        max_layers=int(max_layers),
+        glazes=bool(glazes),
+        thickness=(low, high),
+        count=int(count),
+        metamerism=float(metamerism),
+        simplicity=float(simplicity),
+        seed=int(seed),
+    )
 
 
 def _own_lights(targets: Sequence[Target]) -> tuple[str, ...]:

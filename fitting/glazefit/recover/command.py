@@ -182,7 +182,7 @@ def recover(
         usual = Noise()
         said = Noise(usual.floor if noise is None else noise, usual.share if noise_share is None else noise_share)
     given: dict[str, Any] = {"instrument": Instrument(seen_by, refractive_index)}
-    results = Results(folder, metres, plots, overwrite, console)
+    results = Results(out=folder, thickness=metres, plots=plots, overwrite=overwrite, console=console)
     if simulate:
         given["noise"] = said or Noise()
         films = _simulated(samples, metres, given, seed, console)

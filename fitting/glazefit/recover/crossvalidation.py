@@ -155,4 +155,10 @@ def leave_films_out(
     others = [surprises[:i] + surprises[i + 1 :] for i in range(len(surprises))]
     judged = [p.with_variation(learn(rest, mixing)) for p, rest in zip(predictions, others, strict=True)]
     learned = learn(surprises, mixing)
-    return LeftOut(tuple(judged), whole.delta_e()[done], measured, learned, len(done) == len(rows))
+    return LeftOut(
+        predictions=tuple(judged),
+        fitted=whole.delta_e()[done],
+        measured=measured,
+        variation=learned,
+        complete=len(done) == len(rows),
+    )

@@ -227,8 +227,9 @@ def add_entries(file: PaintFile, made: Sequence[Entry], comments: Sequence[str],
     """
     names = {entry.pigment.name for entry in made}
     if (there := sorted(names & set(file.paints))) and not overwrite:
-        raise ValueError(f"{file.path} has an entry {there[0]!r}; give another name, or replace it with "
-                         "overwrite=True (--overwrite)")  # fmt: skip
+        raise ValueError(
+            f"{file.path} has an entry {there[0]!r}; give another name, or replace it with overwrite=True (--overwrite)"
+        )
     lines = file.path.read_text(encoding="utf-8-sig").splitlines() if file.paints else []
     remarks = [line for line in lines if line.startswith("#")]
     remarks += [line for line in (f"# {text}" for text in comments) if line not in remarks]

@@ -127,14 +127,14 @@ def tell(
     parts = len(band_modes), len(levels), len(scale)
     others = sum(parts)
     told = Told(
-        logs,
-        flags,
-        thickness,
-        thickness_sd,
-        np.zeros((others, bands, 2 * count)),
-        np.zeros((others, len(films), 2)),
-        np.zeros((others, len(films))),
-        modes_of,
+        logs=logs,
+        known=flags,
+        thickness=thickness,
+        thickness_sd=thickness_sd,
+        band_modes=np.zeros((others, bands, 2 * count)),
+        ground_modes=np.zeros((others, len(films), 2)),
+        thickness_modes=np.zeros((others, len(films))),
+        modes_of=modes_of,
     )
     told.band_modes[: parts[0]] = band_modes
     told.ground_modes[parts[0] : parts[0] + parts[1]] = levels

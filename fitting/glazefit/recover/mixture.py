@@ -125,15 +125,15 @@ def predict_mixture(
         over_black, over_white = mean + surface
         out.append(
             Prediction(
-                format_length(metres),
-                grid,
-                metres / UNIT,
-                float(gloss[0]),
-                over_black,
-                over_white,
-                paints,
-                deviations,
-                variation or Variation(),
+                name=format_length(metres),
+                wavelengths=grid,
+                thickness=metres / UNIT,
+                gloss=float(gloss[0]),
+                over_black=over_black,
+                over_white=over_white,
+                paints=paints,
+                deviations=deviations,
+                variation=variation or Variation(),
             )
         )
     return out

@@ -100,7 +100,15 @@ def lessons(
     depth = float(np.mean(np.log(recovery.thickness[film]))) if film.any() else 0.0
     candidates = _candidates(recovery, row, pale, len(paints), chosen or "", depth)
     problem, solution = _pose(recovery, candidates, paints, known, gauge, unit, response)
-    judge = _Judge(recovery.wavelengths[_planned(recovery)], row, pale, depth, solution, problem, response)
+    judge = _Judge(
+        grid=recovery.wavelengths[_planned(recovery)],
+        row=row,
+        pale=pale,
+        depth=depth,
+        solution=solution,
+        problem=problem,
+        response=response,
+    )
     base, more = _information(problem, solution, response, len(recovery.films), len(candidates))
     now = judge.expected(base)
     found = [Lesson(c.words, judge.expected(base + extra)) for c, extra in zip(candidates, more, strict=True)]

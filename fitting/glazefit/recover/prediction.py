@@ -189,9 +189,18 @@ def predict_films(
         gloss = float(surface[0] / instrument.seen_surface) if instrument.seen_surface else 0.0
         own = tuple(paint for paint, part in zip(recovery.paints, share, strict=True) if part > 0)
         deviations = {part: spectra - mean for part, spectra in drawn.items()}
-        black_white = mean[0], mean[1]
         out.append(
-            Prediction(name, films.wavelengths, float(thickness[0]), gloss, *black_white, own, deviations, variation)
+            Prediction(
+                name=name,
+                wavelengths=films.wavelengths,
+                thickness=float(thickness[0]),
+                gloss=gloss,
+                over_black=mean[0],
+                over_white=mean[1],
+                paints=own,
+                deviations=deviations,
+                variation=variation,
+            )
         )
     return out
 

@@ -103,5 +103,7 @@ def _load() -> dict[str, Metal]:
     for name, source in SOURCES.items():
         table = np.array([[float(r[c]) for c in ("wavelength_nm", "n", "k")] for r in rows if r["metal"] == name])
         table.setflags(write=False)
-        found[name] = Metal(name, table[:, 0], table[:, 1], table[:, 2], source)
+        found[name] = Metal(
+            name=name, wavelengths=table[:, 0], refractive_index=table[:, 1], extinction=table[:, 2], source=source
+        )
     return found

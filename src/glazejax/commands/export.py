@@ -184,9 +184,19 @@ def export(
         width = None if pixel is None else options.read_length(pixel, "--pixel")
         with doing("computing colours where they are needed"):
             textures = texture_set(
-                glaze, path, **maps, layer=layer - 1, roughness=roughness, coat=bool(coat), pixel=width, space=space,
-                delta_e=delta_e, kind=format, overwrite=overwrite, **light,
-            )  # fmt: skip
+                glaze,
+                path,
+                **maps,
+                layer=layer - 1,
+                roughness=roughness,
+                coat=bool(coat),
+                pixel=width,
+                space=space,
+                delta_e=delta_e,
+                kind=format,
+                overwrite=overwrite,
+                **light,
+            )
         report.print_stack(console, given, roughness)
         report.print_textures(console, textures, path)
     else:
@@ -227,12 +237,28 @@ def _stack(text: str, ground: str | None, index: float, pigments: Path | None) -
     if text.lower().endswith(".json") or Path(text).is_file():
         found = read_stack(Path(text))
         own = {**found.pigments, **own}
-        made = Stack(found.coats, found.hidden, found.ground, found.refractive_index, found.geometry, own)
+        made = Stack(
+            coats=found.coats,
+            hidden=found.hidden,
+            ground=found.ground,
+            refractive_index=found.refractive_index,
+            geometry=found.geometry,
+            pigments=own,
+        )
         if index != _INDEX:
-            made = Stack(made.coats, made.hidden, made.ground, index, made.geometry, own)
+            made = Stack(
+                coats=made.coats,
+                hidden=made.hidden,
+                ground=made.ground,
+                refractive_index=index,
+                geometry=made.geometry,
+                pigments=own,
+            )
     else:
         coats = name_paints(parse_layers(text), {**all_paints(), **own})
-        made = Stack(coats, (), float(_GROUND), index, "45:0", own)
+        made = Stack(
+            coats=coats, hidden=(), ground=float(_GROUND), refractive_index=index, geometry="45:0", pigments=own
+        )
     if ground is None:
         return made
     below = options.read_ground(ground)
@@ -241,7 +267,14 @@ def _stack(text: str, ground: str | None, index: float, pigments: Path | None) -
         import numpy as np
 
         level = Spectrum(below.wavelengths, np.asarray(below.reflectance, float))
-    return Stack(made.coats, made.hidden, level, made.refractive_index, made.geometry, own)
+    return Stack(
+        coats=made.coats,
+        hidden=made.hidden,
+        ground=level,
+        refractive_index=made.refractive_index,
+        geometry=made.geometry,
+        pigments=own,
+    )
 
 
 def _maps(

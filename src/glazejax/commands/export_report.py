@@ -49,8 +49,11 @@ def print_fit(console: Console, fit: "OpenPBRFit", path: Path) -> None:
     )
     if material.coat_weight:
         colour = " ".join(f"{value:.4g}" for value in material.coat_color)
-        _line(console, "", f"coat_color {colour}, coat_ior {material.coat_ior:.4g}, "
-              f"coat_darkening {material.coat_darkening:.3g}")  # fmt: skip
+        _line(
+            console,
+            "",
+            f"coat_color {colour}, coat_ior {material.coat_ior:.4g}, coat_darkening {material.coat_darkening:.3g}",
+        )
     _errors(console, "how near", fit.errors)
     plain = fit.naive_errors
     _line(

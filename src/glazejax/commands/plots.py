@@ -157,9 +157,16 @@ def _draw_spectra(axes: "Axes", paint: _Paint, names: Sequence[str]) -> None:
     longest = max(map(len, labels))
     columns = min(len(labels), 6 if longest < 12 else 4 if longest < 22 else 3)
     axes.legend(
-        handles[::-1], labels[::-1], loc="lower left", bbox_to_anchor=(-0.01, 1.0), borderaxespad=0.2,
-        ncols=columns, fontsize=13, handlelength=2.2, columnspacing=1.4,
-    )  # fmt: skip
+        handles[::-1],
+        labels[::-1],
+        loc="lower left",
+        bbox_to_anchor=(-0.01, 1.0),
+        borderaxespad=0.2,
+        ncols=columns,
+        fontsize=13,
+        handlelength=2.2,
+        columnspacing=1.4,
+    )
 
 
 def _draw_swatches(axes: "Axes", paint: _Paint) -> None:
@@ -171,9 +178,16 @@ def _draw_swatches(axes: "Axes", paint: _Paint) -> None:
 
     def patch(x: float, width: float, y: float, height: float, spectrum: np.ndarray, edge: str) -> None:
         box = FancyBboxPatch(
-            (x, y), width, height, boxstyle="round,pad=0,rounding_size=0.012", lw=1, mutation_aspect=1.7,
-            facecolor=hex_colour(paint.rgb(spectrum)), edgecolor=edge, clip_on=False,
-        )  # fmt: skip
+            (x, y),
+            width,
+            height,
+            boxstyle="round,pad=0,rounding_size=0.012",
+            lw=1,
+            mutation_aspect=1.7,
+            facecolor=hex_colour(paint.rgb(spectrum)),
+            edgecolor=edge,
+            clip_on=False,
+        )
         axes.add_patch(box)
 
     patch(0.0, 1.0, 0.26, 0.74, ground, EDGE)
@@ -230,9 +244,14 @@ def _draw_curves(chroma: "Axes", lightness: "Axes", paint: _Paint) -> None:
             heights[i] = min(heights[i], 0.98 * highest - (len(heights) - 1 - i) * gap)
         for height, (value, key) in zip(heights, ends, strict=True):
             axes.annotate(
-                _WAYS[key][0], (last, value), (last + 0.9, height), va="center", fontsize=13,
-                fontweight="bold" if key == "glaze" else "normal", annotation_clip=False,
-            )  # fmt: skip
+                _WAYS[key][0],
+                (last, value),
+                (last + 0.9, height),
+                va="center",
+                fontsize=13,
+                fontweight="bold" if key == "glaze" else "normal",
+                annotation_clip=False,
+            )
     chroma.tick_params(labelbottom=False)
     lightness.set_xlabel("number of coats", labelpad=2)
     lightness.set_xticks([n for n in (0, 1, 5, 10, 15, 20, 25, 30, 35, 40) if n <= last])

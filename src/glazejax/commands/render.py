@@ -160,7 +160,14 @@ def render(
         )
     solved = time.perf_counter() - solving
     seen = seen_by.describe()
-    request = report.RenderRequest(coats, bed.words, refractive_index, seen, illuminant, observer)
+    request = report.RenderRequest(
+        coats=coats,
+        ground=bed.words,
+        refractive_index=refractive_index,
+        geometry=seen,
+        illuminant=illuminant,
+        observer=observer,
+    )
     coat = coats[repeated]
     present = [f"{coat.name} {coat.size}" for coat in coats if coat.total > 0]
     with doing("drawing"):
@@ -239,7 +246,11 @@ def _write_stack(
     own = {
         name: paint for name, paint in named.items() if name not in known or known[name].provenance != paint.provenance
     }
-    write_stack(path, Stack(tuple(coats), (), ground, index, geometry, own), overwrite=overwrite)
+    write_stack(
+        path,
+        Stack(coats=tuple(coats), hidden=(), ground=ground, refractive_index=index, geometry=geometry, pigments=own),
+        overwrite=overwrite,
+    )
 
 
 def _repeated(coats: "Sequence[Coat]", ladder: str | None) -> int:

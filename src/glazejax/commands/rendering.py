@@ -129,7 +129,14 @@ def render(
         glaze=spectra[0],
         ground=ground,
         alone=spectra[2 : 2 + count],
-        ladder=Ladder(layer, counts, steps, multiply, mixing, capped=coats * step > MAX_THICKNESS),
+        ladder=Ladder(
+            layer=layer,
+            counts=counts,
+            glaze=steps,
+            multiply=multiply,
+            mixing=mixing,
+            capped=coats * step > MAX_THICKNESS,
+        ),
     )
 
 

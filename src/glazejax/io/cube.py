@@ -68,11 +68,11 @@ class SpectraCube:
         values = self[:, :].reshape(lines * samples, -1)
         names = [f"line {i + 1} sample {j + 1}" for i in range(lines) for j in range(samples)]
         raw = RawSpectra(
-            self.wavelengths,
-            names,
-            values,
-            self.format,
-            self.notes,
+            wavelengths=self.wavelengths,
+            names=names,
+            values=values,
+            format=self.format,
+            notes=self.notes,
             scale=1.0,
             missing="drop",
             # A camera's noise and glare are what they are; one pixel must not make an image unreadable.

@@ -100,7 +100,15 @@ def _finish(raw: RawSpectra, unit: str | None) -> SpectraTable:
         values = values.copy()
     found = _to_fractions(raw, values, names, notes)
     attributes = {title: tuple(column[i] for i in rows) for title, column in raw.attributes.items()}
-    return SpectraTable(grid, tuple(names), values, notes, raw.format, unit or found, attributes)
+    return SpectraTable(
+        wavelengths=grid,
+        names=tuple(names),
+        reflectance=values,
+        notes=notes,
+        format=raw.format,
+        unit=unit or found,
+        attributes=attributes,
+    )
 
 
 def _without_missing(

@@ -93,7 +93,13 @@ def profile_reflectance_factor(
     Source: paper A, eqs (3)-(21).
     """
     given = _GivenProfile(
-        absorption, scattering, thickness, substrate_reflectance, refractive_index, cos_incidence, cos_viewing
+        absorption=absorption,
+        scattering=scattering,
+        thickness=thickness,
+        substrate_reflectance=substrate_reflectance,
+        refractive_index=refractive_index,
+        cos_incidence=cos_incidence,
+        cos_viewing=cos_viewing,
     )
     return _evaluate(given, tolerance, method)
 
@@ -119,7 +125,13 @@ def profile_hemispherical_reflectance(
     Source: paper A, eqs (3)-(21).
     """
     given = _GivenProfile(
-        absorption, scattering, thickness, substrate_reflectance, refractive_index, cos_incidence, None
+        absorption=absorption,
+        scattering=scattering,
+        thickness=thickness,
+        substrate_reflectance=substrate_reflectance,
+        refractive_index=refractive_index,
+        cos_incidence=cos_incidence,
+        cos_viewing=None,
     )
     return _evaluate(given, tolerance, method)
 
@@ -186,7 +198,13 @@ def _film(given: _GivenProfile, rest: dict[str, Any]) -> _Film:
         )
     shapes |= {name: np.shape(value) for name, value in rest.items()}
     batch = batch_shape(shapes, last="depths")
-    return _Film(functions[0], functions[1], max(several, default=None), thickness, batch)
+    return _Film(
+        absorption=functions[0],
+        scattering=functions[1],
+        intervals=max(several, default=None),
+        thickness=thickness,
+        batch=batch,
+    )
 
 
 def _refuse(name: str, values: Array, words: str) -> None:
@@ -303,8 +321,14 @@ def _meshed(film: _Film, rest: dict[str, Any], tolerance: float) -> Array:
         def one(piece: tuple[Panels, dict[str, Array]]) -> Array:
             local, light = piece
             index = light["refractive_index"] if fixed is None else fixed
-            directions = light["cos_incidence"], light.get("cos_viewing")
-            stack = Stack(local.albedo, local.width, light["substrate_reflectance"], index, *directions)
+            stack = Stack(
+                albedo=local.albedo,
+                optical_thickness=local.width,
+                ground=light["substrate_reflectance"],
+                refractive_index=index,
+                cos_incidence=light["cos_incidence"],
+                cos_viewing=light.get("cos_viewing"),
+            )
             return auxiliary_graded.reflectance_on(local._replace(rules=table), stack)
 
         count = panels.width.shape[-1]
@@ -371,4 +395,4 @@ def _film_panels(film: _Film, mesh: Mesh, halvings: int) -> Panels:
     width = width.reshape(size, -1)
     albedo = jnp.broadcast_to(albedo, share.shape).reshape(size, len(start), mesh.nodes)
     depth = jnp.cumsum(width, axis=-1)
-    return Panels(depth - width, width, albedo, depth[:, -1], table)
+    return Panels(top=depth - width, width=width, albedo=albedo, total=depth[:, -1], rules=table)

@@ -145,7 +145,14 @@ def stack_reflectance_factor(
     Source: paper A (Shinozawa et al. 2013), eqs (4)-(22), solved as described in `glazejax.radiative.ordinates.solver`.
     """
     check_given({"cos_viewing": cos_viewing})
-    given = _Inputs(albedo, optical_thickness, substrate_reflectance, refractive_index, cos_incidence, cos_viewing)
+    given = _Inputs(
+        albedo=albedo,
+        optical_thickness=optical_thickness,
+        substrate_reflectance=substrate_reflectance,
+        refractive_index=refractive_index,
+        cos_incidence=cos_incidence,
+        cos_viewing=cos_viewing,
+    )
     return _evaluate(given, tolerance, method)
 
 
@@ -172,7 +179,14 @@ def stack_hemispherical_reflectance(
 
     Source: paper A (Shinozawa et al. 2013), eqs (4)-(22), solved as described in `glazejax.radiative.ordinates.solver`.
     """
-    given = _Inputs(albedo, optical_thickness, substrate_reflectance, refractive_index, cos_incidence, None)
+    given = _Inputs(
+        albedo=albedo,
+        optical_thickness=optical_thickness,
+        substrate_reflectance=substrate_reflectance,
+        refractive_index=refractive_index,
+        cos_incidence=cos_incidence,
+        cos_viewing=None,
+    )
     return _evaluate(given, tolerance, method)
 
 
@@ -197,7 +211,14 @@ def split_reflectance_factor(
     Source: paper A (Shinozawa et al. 2013), eqs (19), (22), (32)-(34).
     """
     check_given({"cos_viewing": cos_viewing})
-    given = _Inputs(albedo, optical_thickness, substrate_reflectance, refractive_index, cos_incidence, cos_viewing)
+    given = _Inputs(
+        albedo=albedo,
+        optical_thickness=optical_thickness,
+        substrate_reflectance=substrate_reflectance,
+        refractive_index=refractive_index,
+        cos_incidence=cos_incidence,
+        cos_viewing=cos_viewing,
+    )
     return _evaluate_split(given, tolerance, method)
 
 
@@ -220,7 +241,14 @@ def split_hemispherical_reflectance(
 
     Source: paper A (Shinozawa et al. 2013), eqs (19), (22), (32)-(34).
     """
-    given = _Inputs(albedo, optical_thickness, substrate_reflectance, refractive_index, cos_incidence, None)
+    given = _Inputs(
+        albedo=albedo,
+        optical_thickness=optical_thickness,
+        substrate_reflectance=substrate_reflectance,
+        refractive_index=refractive_index,
+        cos_incidence=cos_incidence,
+        cos_viewing=None,
+    )
     return _evaluate_split(given, tolerance, method)
 
 
@@ -270,14 +298,24 @@ def _prepare(inputs: _Inputs, tolerance: float, method: str) -> tuple[Stack, _Pr
         inputs, method, tolerance, (low, high), fixed, math.prod(given.batch), given.layers, dtype.itemsize
     )
     stack = Stack(
-        flat["albedo"],
-        flat["optical_thickness"],
-        flat["substrate_reflectance"],
-        flat.get("refractive_index"),
-        flat["cos_incidence"],
-        flat.get("cos_viewing"),
+        albedo=flat["albedo"],
+        optical_thickness=flat["optical_thickness"],
+        ground=flat["substrate_reflectance"],
+        refractive_index=flat.get("refractive_index"),
+        cos_incidence=flat["cos_incidence"],
+        cos_viewing=flat.get("cos_viewing"),
     )
-    return stack, _ProgramSettings(method, resolution, fixed, chunk, low < LEAST_SLOPING_INDEX), given.batch
+    return (
+        stack,
+        _ProgramSettings(
+            method=method,
+            resolution=resolution,
+            refractive_index=fixed,
+            chunk=chunk,
+            near_one=low < LEAST_SLOPING_INDEX,
+        ),
+        given.batch,
+    )
 
 
 def _within_reach(tolerance: float, method: str, *, single: bool) -> float:

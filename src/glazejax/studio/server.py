@@ -62,9 +62,15 @@ class Studio:
         if warm:
             threading.Thread(target=self._warm, daemon=True).start()
         settings = uvicorn.Config(
-            self.app(), log_level="error", ws="websockets-sansio", ws_max_size=MOST_BYTES, lifespan="off",
-            server_header=False, ws_ping_interval=20, ws_ping_timeout=60,
-        )  # fmt: skip
+            self.app(),
+            log_level="error",
+            ws="websockets-sansio",
+            ws_max_size=MOST_BYTES,
+            lifespan="off",
+            server_header=False,
+            ws_ping_interval=20,
+            ws_ping_timeout=60,
+        )
         self._server = uvicorn.Server(settings)
         try:
             self._server.run(sockets=[self._socket])

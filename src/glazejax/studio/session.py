@@ -163,8 +163,9 @@ class Session:
         """Pixels of thickness maps."""
         began, stack = time.perf_counter(), _stack(header)
         lamp = _view(header.get("view", {})).lamps[0]
-        told = self._easel.paint(stack, header.get("coats", []), arrays, lamp, lambda words: self.tell(
-            {"type": "status", "words": words}))  # fmt: skip
+        told = self._easel.paint(
+            stack, header.get("coats", []), arrays, lamp, lambda words: self.tell({"type": "status", "words": words})
+        )
         words = {"type": "painted", "number": header.get("number"), "box": header.get("box"), **told.words}
         self.tell(words | {"ms": 1e3 * (time.perf_counter() - began)}, {"rgba": told.pixels})
 
@@ -220,7 +221,9 @@ def _view(given: Any) -> View:
             raise ValueError(f"the pinned colour is {pinned}, which no surface has")
     repeated = given.get("repeated", 0)
     repeated = repeated if isinstance(repeated, int) and repeated >= 0 else 0
-    return View(tuple(map(_lamp, lamps)), float(angles[0]), float(angles[1]), repeated, pinned)
+    return View(
+        lamps=tuple(map(_lamp, lamps)), light=float(angles[0]), view=float(angles[1]), repeated=repeated, pinned=pinned
+    )
 
 
 def _lamp(given: Any) -> Any:

@@ -50,7 +50,13 @@ def read(name: str, content: bytes) -> Upload:
         if len(found) > _MOST_PAINTS:
             raise ValueError(f"{name} holds {len(found)} paints; the studio takes {_MOST_PAINTS} at once")
         paints = own_names(found)
-        return Upload("paints", paints, {key: pigment_to_dict(p) for key, p in paints.items()}, None, ())
+        return Upload(
+            kind="paints",
+            paints=paints,
+            content={key: pigment_to_dict(p) for key, p in paints.items()},
+            table=None,
+            notes=(),
+        )
     with as_path(name, content) as path:
         table = read_spectra(path)
     if len(table.names) > _MOST_SPECTRA:
@@ -60,7 +66,7 @@ def read(name: str, content: bytes) -> Upload:
         film, _, ending = title.rpartition("_")
         rows.setdefault(film, set()).add(ending)
     films = all(film and ends == set(_FILM_ROWS) for film, ends in rows.items())
-    return Upload("films" if films else "spectra", {}, {}, table, tuple(table.notes))
+    return Upload(kind="films" if films else "spectra", paints={}, content={}, table=table, notes=tuple(table.notes))
 
 
 def own_names(found: dict[str, Pigment]) -> dict[str, Pigment]:

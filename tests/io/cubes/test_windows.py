@@ -247,9 +247,13 @@ def test_a_window_reads_its_own_chunks_only(tmp_path, kind):
         with tifffile.TiffWriter(path) as writer:
             for i, wavelength in enumerate(WAVELENGTHS):
                 writer.write(
-                    values[..., i], contiguous=False, description=f"{wavelength:g} nm", compression="zlib",
-                    tile=(32, 32) if kind == "tiff" else None, rowsperstrip=32 if kind == "pages" else None,
-                )  # fmt: skip
+                    values[..., i],
+                    contiguous=False,
+                    description=f"{wavelength:g} nm",
+                    compression="zlib",
+                    tile=(32, 32) if kind == "tiff" else None,
+                    rowsperstrip=32 if kind == "pages" else None,
+                )
     cube = open_cube(path, scale=1)
     cube.isel(y=0, x=0).load()  # opens the file
     before = read_bytes()

@@ -101,15 +101,15 @@ def angular_colour(
     index = float(np.mean(np.asarray(indices(made, grid.size))))
     spectra, error = body_spectra(made, grid, cosines, roughness, tolerance)
     return AngularColour(
-        cosines,
-        0.5 * steps,
-        rgb_of_xyz(spectra @ weights, white, known),
-        surface_share(cosines, index, roughness),
-        index,
-        float(roughness),
-        known,
-        (illuminant, observer),
-        error,
+        cosines=cosines,
+        weights=0.5 * steps,
+        body=rgb_of_xyz(spectra @ weights, white, known),
+        surface=surface_share(cosines, index, roughness),
+        refractive_index=index,
+        roughness=float(roughness),
+        space=known,
+        light=(illuminant, observer),
+        error=error,
     )
 
 

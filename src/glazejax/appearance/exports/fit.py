@@ -131,13 +131,13 @@ def fit_openpbr(
     naive = naive_openpbr(truth)
     seen = truth.body[truth.views, truth.views]
     return OpenPBRFit(
-        _rounded(material),
-        layering,
-        truth,
-        material_errors(_rounded(material), truth, layering),
-        naive,
-        material_errors(naive, truth, layering),
-        float(outside(seen).mean()),
+        material=_rounded(material),
+        layering=layering,
+        truth=truth,
+        errors=material_errors(_rounded(material), truth, layering),
+        naive=naive,
+        naive_errors=material_errors(naive, truth, layering),
+        outside=float(outside(seen).mean()),
     )
 
 

@@ -158,7 +158,13 @@ def mapped_colours(
         values = np.concatenate([np.asarray(table(**block), float) for block in blocks])
     plain, base, tint = means.colours(rgb_of_xyz(values, white, space))
     where = where.reshape(-1)
-    return Colours(plain[where], base[where], None if tint is None else tint[where], error, computed)
+    return Colours(
+        plain=plain[where],
+        base=base[where],
+        coat=None if tint is None else tint[where],
+        delta_e=error,
+        computed=computed,
+    )
 
 
 class _Means:

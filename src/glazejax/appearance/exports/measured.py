@@ -92,7 +92,7 @@ def write_measured(
     )
     scene.write_text(_xml(bsdf, path.name), encoding="utf-8")
     found, why = _in_mitsuba(table, path, np.asarray(grid, float), gloss) if check else (None, "it was not asked")
-    return MeasuredExport(path, scene, bsdf, float(table.error), found, why)
+    return MeasuredExport(table=path, scene=scene, bsdf=bsdf, solver=float(table.error), mitsuba=found, why=why)
 
 
 def _in_mitsuba(table: GlazeTable, path: Path, grid: np.ndarray, gloss: bool) -> tuple[float | None, str]:

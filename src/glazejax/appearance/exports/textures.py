@@ -116,13 +116,13 @@ def texture_set(
     material = _material(mapped, roughness, coat)
     errors = _errors(mapped, points, base, found.coat, material, roughness, known, light)
     result = TextureSet(
-        files,
-        material,
-        found.delta_e,
-        float(wrong.mean()),
-        float(_difference(found.plain[wrong], np.clip(found.plain[wrong], 0.0, 1.0), known).max(initial=0.0)),
-        errors,
-        found.computed,
+        files=files,
+        material=material,
+        interpolation=found.delta_e,
+        outside=float(wrong.mean()),
+        clipped=float(_difference(found.plain[wrong], np.clip(found.plain[wrong], 0.0, 1.0), known).max(initial=0.0)),
+        errors=errors,
+        computed=found.computed,
     )
     pictures = {"base_color": base, **({"coat_color": found.coat} if found.coat is not None else {})}
     shape = next(iter(maps.values())).shape

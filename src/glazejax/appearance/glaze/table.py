@@ -88,7 +88,9 @@ def glaze_table(
     glaze = on_grid(glaze, wavelengths_nm)
     depths = _thickness_range(glaze, thickness, layer)
     cosines = tuple(_cosines(name, pair) for name, pair in zip(("incidence", "viewing"), angles, strict=True))
-    builder = _TableBuilder(glaze, layer, cosines, depths, _SOLVER_SHARE * tolerance)
+    builder = _TableBuilder(
+        glaze=glaze, layer=layer, cosines=cosines, depths=depths, tolerance=_SOLVER_SHARE * tolerance
+    )
     checks = builder.random_points(np.random.default_rng(0), _CHECKS)
     truth = builder.solve(checks)
     sizes = [0, 0]
@@ -142,7 +144,16 @@ class _TableBuilder:
         depths = self.nodes(2, _THICKNESS_NODES[sizes[1]])
         varied = depths if self.varies else None
         values = on_nodes(self.glaze, a, b, varied, self.layer, self.tolerance, planned_factor)
-        return GlazeTable(a, b, values, self.index, depths, self.ranges, self.inside, np.nan)
+        return GlazeTable(
+            cos_in=a,
+            cos_out=b,
+            table=values,
+            refractive_index=self.index,
+            thickness=depths,
+            ranges=self.ranges,
+            coordinate_index=self.inside,
+            error=np.nan,
+        )
 
     def missed(self, built: GlazeTable, points: np.ndarray, truth: np.ndarray) -> np.ndarray:
         """Error at points, (points, bands), as `GlazeTable.error` counts it."""

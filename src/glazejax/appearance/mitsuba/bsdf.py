@@ -174,13 +174,13 @@ class GlazeBSDF:
             ground = None if self._ground is None else self._ground_at(si, lit)
             here = table.at_point(ops, self._body, varying, list(si.wavelengths), ground)
         if lobe is None or not (surface and body):
-            return _Point(lit, surface, body, mi.Float(1.0 if surface else 0.0), here)
+            return _Point(lit=lit, surface=surface, body=body, share=mi.Float(1.0 if surface else 0.0), here=here)
         within = dr.maximum(dr.detach(si.wi.z), _LEAST_COSINE)
         below = table.mean_albedo(ops, self._body, within, {name: dr.detach(x) for name, x in varying.items()})
         above = lobe.albedo(within)
         # Neither is left out for good.
         share = dr.clip(above / dr.maximum(above + below, 1e-6), 0.02, 0.98)
-        return _Point(lit, surface, body, share, here)
+        return _Point(lit=lit, surface=surface, body=body, share=share, here=here)
 
     def _value(self, si: Any, at: "_Point", wo: Any) -> Any:
         mi, dr = self._mi, self._dr

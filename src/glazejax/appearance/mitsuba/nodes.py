@@ -90,7 +90,14 @@ def solve_nodes(
     cosines = surface.angles(_tried(solver, ranges), _ANGLES * tolerance)
     bands = np.asarray(glaze.wavelengths, float)
     if not ranges:
-        return Nodes(surface, bands, cosines, {}, solver.parts({}, cosines)[0], tolerance)
+        return Nodes(
+            surface=surface,
+            wavelengths=bands,
+            cosines=cosines,
+            axes={},
+            coefficients=solver.parts({}, cosines)[0],
+            tolerance=tolerance,
+        )
     made = interpolated(
         lambda **points: solver.parts(points, cosines),
         ranges,
@@ -99,7 +106,14 @@ def solve_nodes(
         most_points=most_points,
     )
     coefficients = np.asarray(made.coefficients).reshape(*made.coefficients.shape[:-1], *made.shape)
-    return Nodes(surface, bands, cosines, dict(zip(made.names, made.axes, strict=True)), coefficients, tolerance)
+    return Nodes(
+        surface=surface,
+        wavelengths=bands,
+        cosines=cosines,
+        axes=dict(zip(made.names, made.axes, strict=True)),
+        coefficients=coefficients,
+        tolerance=tolerance,
+    )
 
 
 def _distance(solver: Solver, cosines: np.ndarray, one: np.ndarray, two: np.ndarray) -> np.ndarray:

@@ -80,17 +80,19 @@ def read(mi: Any, props: Any) -> Given:
     _check_share("fraction", *_range(mi, fraction))
     _check_share("ground", *_range(mi, ground))
     return Given(
-        props["coats"],
-        int(_number(props, names, "layer", 0, 0, 1000)),
-        thickness * scale if isinstance(thickness, float) else thickness,
-        scale,
-        most,
-        fraction,
-        ground,
-        _number(props, names, "refractive_index", 0.0, 1.0, 2.5) if "refractive_index" in names else None,
-        _number(props, names, "roughness", 0.0, 0.0, 1.0),
-        _flag(props, names, "gloss", True),
-        _number(props, names, "tolerance", 1e-3, 1e-5, 0.1),
+        coats=props["coats"],
+        layer=int(_number(props, names, "layer", 0, 0, 1000)),
+        thickness=thickness * scale if isinstance(thickness, float) else thickness,
+        thickness_scale=scale,
+        thickness_max=most,
+        fraction=fraction,
+        ground=ground,
+        refractive_index=_number(props, names, "refractive_index", 0.0, 1.0, 2.5)
+        if "refractive_index" in names
+        else None,
+        roughness=_number(props, names, "roughness", 0.0, 0.0, 1.0),
+        gloss=_flag(props, names, "gloss", True),
+        tolerance=_number(props, names, "tolerance", 1e-3, 1e-5, 0.1),
     )
 
 

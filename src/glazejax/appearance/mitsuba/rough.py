@@ -139,7 +139,13 @@ def _parts(albedo: Array, depth: Array, surface: Resolved) -> Float[Array, "stac
         return jnp.tile(values, (stacks, *[1] * (values.ndim - 1)))
 
     white = tiled(last.astype(albedo.dtype))
-    lit = Lit(repeated(albedo), repeated(depth), white, tiled(enters), jnp.stack([white, white], axis=1))
+    lit = Lit(
+        albedo=repeated(albedo),
+        optical_thickness=repeated(depth),
+        ground=white,
+        enters=tiled(enters),
+        from_ground=jnp.stack([white, white], axis=1),
+    )
     value, back = jax.vjp(lambda given: reflectance(lit._replace(enters=given), surface), lit.enters)
     (slopes,) = back(jnp.ones_like(value))
     slopes = slopes.reshape(stacks, pairs + 1, 2, n)

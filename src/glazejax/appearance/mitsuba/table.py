@@ -243,18 +243,18 @@ def _compressed(nodes: Nodes, ground: np.ndarray | None, mean_ground: float) -> 
     albedo = np.einsum("ai,aj,kij->ak", to_grid, sphere, squares)
     pairs = np.einsum("ai,bj,kij->abk", to_grid, to_grid, squares)
     return Body(
-        surface,
-        nodes.wavelengths,
-        nodes.axes,
-        counts,
-        count,
-        _packed(0.5 * (pairs + np.swapaxes(pairs, 0, 1))),
-        _packed(_hermite_numbers(weights, counts)),
-        lines,
-        None if through is None else _packed(_hermite_numbers(through, counts)),
-        _packed(_hermite_numbers(means, counts)),
-        _packed(albedo),
-        (len(shapes) // 4, 0 if lines is None else lines.shape[-2]),
+        surface=surface,
+        wavelengths=nodes.wavelengths,
+        axes=nodes.axes,
+        counts=counts,
+        angles=count,
+        pairs=_packed(0.5 * (pairs + np.swapaxes(pairs, 0, 1))),
+        pair_weights=_packed(_hermite_numbers(weights, counts)),
+        lines=lines,
+        line_weights=None if through is None else _packed(_hermite_numbers(through, counts)),
+        mean_weights=_packed(_hermite_numbers(means, counts)),
+        albedo_shapes=_packed(albedo),
+        packets=(len(shapes) // 4, 0 if lines is None else lines.shape[-2]),
     )
 
 

@@ -133,7 +133,15 @@ def _scene(root: TomlTable, folder: Path) -> SceneFile:
         background=background,
         **sizes,
     )
-    return SceneFile(scene, white, display, gamut, exposure, tolerance, tuple(root.notes))
+    return SceneFile(
+        scene=scene,
+        white=white,
+        display=display,
+        gamut=gamut,
+        exposure=exposure,
+        tolerance=tolerance,
+        notes=tuple(root.notes),
+    )
 
 
 _SIZES = {"width": 640, "height": 480, "antialias": 4, "bounces": 3, "diffuse_bounces": 0, "gather_rays": 256}

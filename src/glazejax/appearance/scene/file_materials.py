@@ -74,7 +74,7 @@ def _glaze(table: TomlTable, grid: np.ndarray, folder: Path) -> Glazed:
     roughness = table.number("roughness", 0.0)
     thickness, layer = _thickness(table, len(layers), folder)
     with table.blamed("roughness"):
-        return Glazed(glaze, thickness, layer, gloss, roughness)
+        return Glazed(thickness=glaze, gloss=thickness, glaze=layer, layer=gloss, roughness=roughness)
 
 
 def _thickness(table: TomlTable, layers: int, folder: Path) -> tuple[np.ndarray | None, int]:

@@ -69,9 +69,14 @@ class Surroundings:
         for start in range(0, len(origin), TILE):
             piece = slice(start, start + TILE)
             levels = trace(
-                self.geometry, self.places, origin[piece], direction[piece],
-                reflects=self.reflects, bounces=self.mirrors, least=_LEAST,
-            )  # fmt: skip
+                self.geometry,
+                self.places,
+                origin[piece],
+                direction[piece],
+                reflects=self.reflects,
+                bounces=self.mirrors,
+                least=_LEAST,
+            )
             indirect = [self._next(level, bounces, rng) for level in levels]
             light.append(np.asarray(radiance(levels, self.materials, self.lights, self.background, indirect)))
             first = levels[0]

@@ -100,19 +100,19 @@ def make_geometry(shapes: Sequence[Shape], materials: Mapping[str, int]) -> Geom
     single = jnp.result_type(float) == jnp.float32
     triangles = make_triangles(meshes, before) if meshes else None
     return Geometry(
-        _rows([s.centre for s in spheres], 3),
-        np.array([s.radius for s in spheres], float),
-        _rows([p.point for p in planes], 3),
-        np.array([plane_frame(p) for p in planes]).reshape(-1, 3, 3),
-        np.array([(np.inf, np.inf) if p.size is None else np.array(p.size) / 2 for p in planes]).reshape(-1, 2),
-        _rows([b.centre for b in boxes], 3),
-        _rows([b.size for b in boxes], 3) / 2,
-        np.array([rotation(b.rotation).T for b in boxes]).reshape(-1, 3, 3),
-        triangles,
-        np.array([materials[shapes[k].material] for k in order]),
-        np.array(order),
-        np.array((_CLEARANCE_SINGLE if single else _CLEARANCE) * max(1.0, float(np.abs(ends).max()))),
-        None if triangles is None else TriangleCaster(triangles),
+        centres=_rows([s.centre for s in spheres], 3),
+        radii=np.array([s.radius for s in spheres], float),
+        points=_rows([p.point for p in planes], 3),
+        frames=np.array([plane_frame(p) for p in planes]).reshape(-1, 3, 3),
+        halves=np.array([(np.inf, np.inf) if p.size is None else np.array(p.size) / 2 for p in planes]).reshape(-1, 2),
+        middles=_rows([b.centre for b in boxes], 3),
+        sides=_rows([b.size for b in boxes], 3) / 2,
+        turns=np.array([rotation(b.rotation).T for b in boxes]).reshape(-1, 3, 3),
+        triangles=triangles,
+        material=np.array([materials[shapes[k].material] for k in order]),
+        order=np.array(order),
+        clearance=np.array((_CLEARANCE_SINGLE if single else _CLEARANCE) * max(1.0, float(np.abs(ends).max()))),
+        caster=None if triangles is None else TriangleCaster(triangles),
     )
 
 

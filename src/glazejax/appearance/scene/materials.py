@@ -338,7 +338,9 @@ class Glazed(_GlazedSurface, Material):
         else:
             layers = []
         glaze = Glaze(layers, part(glaze.substrate), part(glaze.refractive_index))
-        return Glazed(glaze, self.thickness, self.layer, self.gloss, self.roughness)
+        return Glazed(
+            thickness=glaze, gloss=self.thickness, glaze=self.layer, layer=self.gloss, roughness=self.roughness
+        )
 
     def prepare(self, wavelengths: Float[np.ndarray, "bands"], seen: SeenRanges, tolerance: float) -> "GlazedTable":
         """Its reflectance factor as a table, for the angles and thicknesses that are seen."""

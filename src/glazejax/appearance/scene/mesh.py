@@ -53,9 +53,9 @@ def read_mesh(
     vertices = (vertices - middle) * scale + (middle if centre is None else np.asarray(centre, float))
     uv = getattr(found.visual, "uv", None)
     return Mesh(
-        material,
-        vertices,
-        faces,
-        np.asarray(found.vertex_normals, float) @ about.T if smooth else None,
-        None if uv is None or len(uv) != len(vertices) else np.asarray(uv, float),
+        material=material,
+        vertices=vertices,
+        faces=faces,
+        normals=np.asarray(found.vertex_normals, float) @ about.T if smooth else None,
+        uv=None if uv is None or len(uv) != len(vertices) else np.asarray(uv, float),
     )

@@ -69,7 +69,13 @@ def relief_mesh(plane: Plane) -> Mesh:
         [np.stack([first, below, first + 1], axis=1), np.stack([first + 1, below, below + 1], axis=1)]
     )
     vertices = places @ frame + np.asarray(plane.point, float)
-    return Mesh(plane.material, vertices, faces, steep @ frame, np.stack([u, v], axis=-1).reshape(-1, 2))
+    return Mesh(
+        material=plane.material,
+        vertices=vertices,
+        faces=faces,
+        normals=steep @ frame,
+        uv=np.stack([u, v], axis=-1).reshape(-1, 2),
+    )
 
 
 def write_ply(path: Path, mesh: Mesh) -> dict[str, Any]:
@@ -124,7 +130,13 @@ def _quads(material: str, quads: list, scale: float = 1.0, start: float = 0.0) -
         # Turned round where the axes are left-handed, so that all faces look outwards.
         order = [[0, 1, 2], [0, 2, 3]] if np.linalg.det(axes) > 0 else [[0, 2, 1], [0, 3, 2]]
         faces.append(4 * k + np.array(order))
-    return Mesh(material, np.concatenate(vertices), np.concatenate(faces), None, np.concatenate(uv))
+    return Mesh(
+        material=material,
+        vertices=np.concatenate(vertices),
+        faces=np.concatenate(faces),
+        normals=None,
+        uv=np.concatenate(uv),
+    )
 
 
 def numbers(values: Numbers) -> list[float]:

@@ -150,4 +150,11 @@ def _mean(
         report.mean_noise = float(np.std(means, ddof=1) / np.sqrt(count)) / mean
     told(1.0, "following paths")
     grid = np.asarray(scene.wavelengths, float)
-    return PathTraced(total, False, grid, np.ones(grid.size, bool), count / report.passes_full, report)
+    return PathTraced(
+        values=total,
+        spectral=False,
+        wavelengths=grid,
+        bands=np.ones(grid.size, bool),
+        done=count / report.passes_full,
+        report=report,
+    )

@@ -141,7 +141,13 @@ def render(
     beyond = scene.needs_path_tracing()
     if beyond is not None:
         raise ValueError(f"the ray caster cannot draw {beyond}: use path_trace, or glazejax scene --renderer mitsuba")
-    return _Work(scene, spectral, adaptive, tolerance, progress or (lambda share, words: None)).run()
+    return _Work(
+        scene=scene,
+        spectral=spectral,
+        adaptive=adaptive,
+        tolerance=tolerance,
+        progress=progress or (lambda share, words: None),
+    ).run()
 
 
 class _Work:
@@ -162,10 +168,15 @@ class _Work:
         self.kept = 0
         full = scene.antialias**2 if scene.antialias > 1 else 1
         self.report = RenderReport(
-            bands=int(keep.sum()), bands_full=keep.size, materials_full=len(self.all_materials),
-            pixels=scene.width * scene.height, rays_full=0, pairs_full=0,
-            diffuse_bounces=scene.diffuse_bounces, gather_rays=scene.gather_rays,
-        )  # fmt: skip
+            bands=int(keep.sum()),
+            bands_full=keep.size,
+            materials_full=len(self.all_materials),
+            pixels=scene.width * scene.height,
+            rays_full=0,
+            pairs_full=0,
+            diffuse_bounces=scene.diffuse_bounces,
+            gather_rays=scene.gather_rays,
+        )
         self.full = full
 
     def run(self) -> Rendered:
@@ -208,12 +219,12 @@ class _Work:
         self.report.pairs_full = self.report.rays_full * len(self.places.point)
         image = image.reshape(scene.height, scene.width, -1)
         return Rendered(
-            image,
-            self.weights is None,
-            np.asarray(scene.wavelengths, float),
-            self.bands,
-            finished,
-            self.report,
+            values=image,
+            spectral=self.weights is None,
+            wavelengths=np.asarray(scene.wavelengths, float),
+            bands=self.bands,
+            done=finished,
+            report=self.report,
         )
 
     def _tiles(self, pixels: np.ndarray, each: int) -> list[_Tile]:
@@ -263,12 +274,19 @@ class _Work:
         scene = self.scene
         lights = jnp.asarray(scene.light_spectra(), jnp.result_type(float))
         around = Surroundings(
-            self.geometry, self.places, self.prepared, lights,
-            jnp.asarray(scene.background_spectrum(), lights.dtype), self.in_view.most_mirrored, scene.bounces,
-        )  # fmt: skip
+            geometry=self.geometry,
+            places=self.places,
+            materials=self.prepared,
+            lights=lights,
+            background=jnp.asarray(scene.background_spectrum(), lights.dtype),
+            reflects=self.in_view.most_mirrored,
+            mirrors=scene.bounces,
+        )
         pixel = 2.0 * np.tan(np.deg2rad(scene.camera.field_of_view) / 2) / scene.width
         eye = vector("position", scene.camera.position)
-        return Gathered(around, scene.diffuse_bounces, scene.gather_rays, eye, float(pixel))
+        return Gathered(
+            around=around, bounces=scene.diffuse_bounces, rays=scene.gather_rays, eye=eye, pixel=float(pixel)
+        )
 
     def _shade(self, tiles: list[_Tile], image: np.ndarray, start: float, end: float) -> None:
         """Second pass: spectra, written to their pixels."""

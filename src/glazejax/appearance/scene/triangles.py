@@ -57,12 +57,12 @@ def make_triangles(meshes: Sequence[Mesh], before: int) -> Triangles:
         shape.append(np.full(len(faces), before + k))
     points = np.concatenate(corners)
     return Triangles(
-        points[:, 0],
-        points[:, 1] - points[:, 0],
-        points[:, 2] - points[:, 0],
-        np.concatenate(normals),
-        np.concatenate(uv),
-        np.concatenate(shape),
+        corner=points[:, 0],
+        edge1=points[:, 1] - points[:, 0],
+        edge2=points[:, 2] - points[:, 0],
+        normals=np.concatenate(normals),
+        uv=np.concatenate(uv),
+        shape=np.concatenate(shape),
     )
 
 

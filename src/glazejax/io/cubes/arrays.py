@@ -36,12 +36,12 @@ def envi_cube(path: Path, count: int | None = None) -> RawCube:
                 raise
     raw = envi.mapped()
     return RawCube(
-        envi.path,
-        "ENVI image",
-        OnDisk(_mapped, envi.path, envi.data),
-        (0, 1, 2),
-        (int(raw.shape[0]), int(raw.shape[1]), int(raw.shape[2])),
-        raw.dtype,
+        path=envi.path,
+        format="ENVI image",
+        data=OnDisk(_mapped, envi.path, envi.data),
+        order=(0, 1, 2),
+        shape=(int(raw.shape[0]), int(raw.shape[1]), int(raw.shape[2])),
+        dtype=raw.dtype,
         apart=envi.interleave == "bsq",
         wavelengths=wavelengths,
         good=envi.good_bands(notes),
@@ -106,7 +106,15 @@ def npy_cube(path: Path, count: int | None) -> RawCube:
     if array.ndim != 3 or array.dtype.kind not in "fiu":
         raise refusal(path, f"an array of shape {array.shape} and type {array.dtype}, not an image of y, x, wavelength")
     order, shape = axes_of(array.shape, count)
-    return RawCube(path, "NumPy array", OnDisk(_npy, path), order, shape, array.dtype, apart=order[2] == 0)
+    return RawCube(
+        path=path,
+        format="NumPy array",
+        data=OnDisk(_npy, path),
+        order=order,
+        shape=shape,
+        dtype=array.dtype,
+        apart=order[2] == 0,
+    )
 
 
 def _npy(path: Path) -> np.ndarray:

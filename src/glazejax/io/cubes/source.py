@@ -70,7 +70,14 @@ class CubeSource:
             scale, unit = self._unit(raw, groups, notes)
         from .lazy import Reading, as_data_array
 
-        reading = Reading(raw, groups, window, (self.binning[0], self.binning[1]), scale, calibrated)
+        reading = Reading(
+            raw=raw,
+            bands=groups,
+            window=window,
+            binning=(self.binning[0], self.binning[1]),
+            scale=scale,
+            calibration=calibrated,
+        )
         return as_data_array(reading, grid, unit, notes)
 
     def _check(self) -> None:
@@ -142,16 +149,16 @@ def open_cube(
     if wavelengths is not None and not isinstance(wavelengths, str | Path):
         wavelengths = tuple(float(wavelength) for wavelength in wavelengths)
     return CubeSource(
-        Path(path),
-        _path(wavelengths),
-        dataset,
-        _path(white),
-        _path(dark),
-        _path(white_reflectance),
-        scale,
-        window,
-        binning,
-        bands,
+        path=Path(path),
+        wavelengths=_path(wavelengths),
+        dataset=dataset,
+        white=_path(white),
+        dark=_path(dark),
+        white_reflectance=_path(white_reflectance),
+        scale=scale,
+        window=window,
+        binning=binning,
+        bands=bands,
     ).open()
 
 

@@ -39,7 +39,15 @@ def _zarr_entry(name: str, array: Any) -> Entry:
     if old is not None and array.fill_value is not None:
         attributes.setdefault("_FillValue", array.fill_value)
     names = getattr(array.metadata, "dimension_names", None) or old or (None,) * array.ndim
-    return Entry(name, tuple(array.shape), array.dtype, tuple(names), attributes, tuple(array.chunks), array)
+    return Entry(
+        name=name,
+        shape=tuple(array.shape),
+        dtype=array.dtype,
+        dims=tuple(names),
+        attributes=attributes,
+        piece=tuple(array.chunks),
+        array=array,
+    )
 
 
 def _zarr_array(path: Path, name: str) -> Any:
@@ -75,7 +83,15 @@ def _hdf5_entry(name: str, node: Any) -> Entry:
     # A dimension of NetCDF that has no coordinates is a scale of zeros.
     real = not str(node.attrs.get("NAME", b"")).lstrip("b'").startswith("This is a netCDF dimension but not")
     chunks = node.chunks or (1,) * node.ndim
-    return Entry(name if real else "", tuple(node.shape), node.dtype, tuple(names), attributes, chunks, node)
+    return Entry(
+        name=name if real else "",
+        shape=tuple(node.shape),
+        dtype=node.dtype,
+        dims=tuple(names),
+        attributes=attributes,
+        piece=chunks,
+        array=node,
+    )
 
 
 # Attributes by which HDF5 ties axes together.
@@ -103,7 +119,15 @@ def classic_cube(path: Path, dataset: str | None, count: int | None) -> RawCube:
         attributes = dict(variable._attributes)
         sizes = tuple(variable.data.shape)
         entries.append(
-            Entry(name, sizes, variable.data.dtype, variable.dimensions, attributes, (1,) * len(sizes), variable.data)
+            Entry(
+                name=name,
+                shape=sizes,
+                dtype=variable.data.dtype,
+                dims=variable.dimensions,
+                attributes=attributes,
+                piece=(1,) * len(sizes),
+                array=variable.data,
+            )
         )
     return describe(path, "NetCDF 3", entries, dataset, count, partial(OnDisk, _classic_array, path))
 

@@ -67,7 +67,18 @@ def tiff_cube(path: Path, count: int | None) -> RawCube:
     dtype = _checked(path, dtype)
     if wavelengths is not None and wavelengths.size != shape[2]:
         wavelengths = None
-    return RawCube(path, "TIFF", data, order, shape, dtype, piece, order[2] == 0, wavelengths, **place)
+    return RawCube(
+        path=path,
+        format="TIFF",
+        data=data,
+        order=order,
+        shape=shape,
+        dtype=dtype,
+        piece=piece,
+        apart=order[2] == 0,
+        wavelengths=wavelengths,
+        **place,
+    )
 
 
 def tiff_folder(path: Path, count: int | None) -> RawCube:
@@ -103,7 +114,16 @@ def tiff_folder(path: Path, count: int | None) -> RawCube:
     data = OnDisk(_files, *files, one_at_a_time=not memory)
     shape = (lines, samples, len(files))
     return RawCube(
-        path, "folder of TIFFs", data, (1, 2, 0), shape, dtype, (piece[0], piece[1], 1), True, wavelengths, **place
+        path=path,
+        format="folder of TIFFs",
+        data=data,
+        order=(1, 2, 0),
+        shape=shape,
+        dtype=dtype,
+        piece=(piece[0], piece[1], 1),
+        apart=True,
+        wavelengths=wavelengths,
+        **place,
     )
 
 

@@ -61,13 +61,27 @@ def read_asd(source: Source) -> RawSpectra:
         # Version 1 has no room for a reference: what it calls reflectance is reflectance.
         if kind == "raw" or (kind == "ref" and version >= 2 and white is None):
             raise source.error("an ASD file without its white reference, or cut short before it: counts only")
-        return RawSpectra(wavelengths, [name], counts[None], "ASD binary", ["reflectance as stored in the file"])
+        return RawSpectra(
+            wavelengths=wavelengths,
+            names=[name],
+            values=counts[None],
+            format="ASD binary",
+            notes=["reflectance as stored in the file"],
+        )
     dark = ~(white > 0)
     # Integration time and gains are the same for both, so they cancel.
     with np.errstate(all="ignore"):  # what is damaged may overflow, and is refused as not finite
         values = np.where(dark, np.nan, counts / np.where(dark, 1.0, white))
     notes = ["counts were divided by those of the white reference"]
-    return RawSpectra(wavelengths, [name], values[None], "ASD binary", notes, 1.0, missing="drop")
+    return RawSpectra(
+        wavelengths=wavelengths,
+        names=[name],
+        values=values[None],
+        format="ASD binary",
+        notes=notes,
+        scale=1.0,
+        missing="drop",
+    )
 
 
 def _spectrum(content: bytes, start: int, kind: str, channels: int) -> tuple[Float[np.ndarray, "channels"] | None, int]:

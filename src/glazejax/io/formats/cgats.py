@@ -59,7 +59,13 @@ def read_cgats(source: Source) -> RawSpectra:
     attributes = {sheet.fields[at]: [cells[at] for _, cells in sheet.sets] for at in others}
     notes = [] if len(sheets) == 1 else [f"the file has {len(sheets)} tables; the first with spectra was read"]
     return RawSpectra(
-        np.array(list(bands.values())), names, np.array(rows), "CGATS text", notes, scale, attributes=attributes
+        wavelengths=np.array(list(bands.values())),
+        names=names,
+        values=np.array(rows),
+        format="CGATS text",
+        notes=notes,
+        scale=scale,
+        attributes=attributes,
     )
 
 

@@ -159,14 +159,14 @@ class EnviFile:
                 raise refusal(self.data, "the file was cut short while it was read")
             values = with_gaps(stored.reshape(count, width)[:, bands], self.ignore)
         return RawSpectra(
-            wavelengths,
-            names,
-            values,
-            "ENVI spectral library",
-            notes,
-            self.declared_scale,
-            "refuse" if self.ignore is None else "drop",
-            attributes,
+            wavelengths=wavelengths,
+            names=names,
+            values=values,
+            format="ENVI spectral library",
+            notes=notes,
+            scale=self.declared_scale,
+            missing="refuse" if self.ignore is None else "drop",
+            attributes=attributes,
         )
 
     def cube(self) -> SpectraCube:
@@ -185,14 +185,34 @@ class EnviFile:
             raise self.error(error) from None
         raw = self.mapped()
         declared = self.declared_scale
-        probe = SpectraCube(grid, raw, bands, declared or 1.0, self.ignore, notes, "ENVI image", "fraction", self.path)
+        probe = SpectraCube(
+            wavelengths=grid,
+            raw=raw,
+            bands=bands,
+            scale=declared or 1.0,
+            ignore=self.ignore,
+            notes=notes,
+            format="ENVI image",
+            unit="fraction",
+            path=self.path,
+        )
         try:
             scale, unit, told = unit_of(
                 _bright(probe), declared, "add 'reflectance scale factor = 10000', say, to the header"
             )
         except ValueError as error:
             raise self.error(error) from None
-        return SpectraCube(grid, raw, bands, scale, self.ignore, [*notes, *told], "ENVI image", unit, self.path)
+        return SpectraCube(
+            wavelengths=grid,
+            raw=raw,
+            bands=bands,
+            scale=scale,
+            ignore=self.ignore,
+            notes=[*notes, *told],
+            format="ENVI image",
+            unit=unit,
+            path=self.path,
+        )
 
     def mapped(self) -> np.ndarray:
         """All numbers as they are stored, (lines, samples, bands), mapped into memory and not read."""

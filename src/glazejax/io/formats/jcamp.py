@@ -61,7 +61,9 @@ def read_jcamp(source: Source) -> RawSpectra:
             )
     if len(set(scales)) > 1:
         raise source.error("some blocks are in percent and some in fractions; bring all to one unit")
-    return RawSpectra(grids[0], names, np.array(values), "JCAMP-DX", notes[0], scales[0])
+    return RawSpectra(
+        wavelengths=grids[0], names=names, values=np.array(values), format="JCAMP-DX", notes=notes[0], scale=scales[0]
+    )
 
 
 def _blocks(source: Source) -> list[_Block]:

@@ -48,7 +48,14 @@ def read_listing(source: Source) -> RawSpectra:
         values.append(row)
     titles = sorted({key for entry in spectra for key in entry} - {"name", "reflectance"})
     attributes = {title: [_text(entry.get(title, "")) for entry in spectra] for title in titles}
-    return RawSpectra(wavelengths, names, np.array(values), "JSON list of spectra", notes, attributes=attributes)
+    return RawSpectra(
+        wavelengths=wavelengths,
+        names=names,
+        values=np.array(values),
+        format="JSON list of spectra",
+        notes=notes,
+        attributes=attributes,
+    )
 
 
 def _numbers(source: Source, name: str, values: Any) -> np.ndarray:

@@ -113,7 +113,9 @@ def read_table(source: Source) -> RawSpectra:
         names, wavelengths, values = _read_wide(cells, first)
         layout = "a sample a row"
     kind = f"{_KINDS[cells.delimiter]} table, {layout}"
-    return RawSpectra(wavelengths, names, values, kind, source.notes, scale=scale, by_hand=True)
+    return RawSpectra(
+        wavelengths=wavelengths, names=names, values=values, format=kind, notes=source.notes, scale=scale, by_hand=True
+    )
 
 
 def _read_header(source: Source) -> tuple[_Cells, float | None]:
@@ -128,7 +130,7 @@ def _read_header(source: Source) -> tuple[_Cells, float | None]:
     else:
         raise source.error("the file is empty")
     below = ((number, line) for number, line in lines if _is_data(line))
-    cells = _Cells(source, _sniff(line), number, [], below)
+    cells = _Cells(source=source, delimiter=_sniff(line), header_line=number, header=[], lines=below)
     cells.header.extend(_split(cells, number, line))
     while cells.header and not cells.header[-1]:
         cells.header.pop()
@@ -431,4 +433,10 @@ def read_columns(source: Source) -> RawSpectra:
         raise source.error(f"numbers only, and the first column does not run through wavelengths; {_LAYOUTS}")
     names = [f"column {i}" for i in range(2, width + 1)]
     notes.append("there is no header: spectra are named by their column")
-    return RawSpectra(wavelengths, names, table[:, 1:].T, "columns of numbers without a header", notes)
+    return RawSpectra(
+        wavelengths=wavelengths,
+        names=names,
+        values=table[:, 1:].T,
+        format="columns of numbers without a header",
+        notes=notes,
+    )

@@ -126,14 +126,14 @@ def _system(panels: Panels, light: Stack) -> CollocatedSystem:
         once = jnp.sum(q * both, axis=-1)
     seen = open_share * ground_weight
     return CollocatedSystem(
-        matrix,
-        0.5 * exit_weight,
-        seen[:, None] * ground_to_node,
-        q * (beam + (open_share * arriving)[:, None] * node_to_ground),
-        factor,
-        0.5 * once,
-        0.5 * jnp.sum(q * beam * exit_weight, axis=-1),
-        seen * arriving,
+        matrix=matrix,
+        exit=0.5 * exit_weight,
+        ground_seen=seen[:, None] * ground_to_node,
+        beam=q * (beam + (open_share * arriving)[:, None] * node_to_ground),
+        factor=factor,
+        single=0.5 * once,
+        single_interpolated=0.5 * jnp.sum(q * beam * exit_weight, axis=-1),
+        ground_direct=seen * arriving,
     )
 
 
@@ -208,7 +208,7 @@ def resolve(tolerance: float, thickest: float, lowest_index: float) -> Mesh:
     grazing = next((more for index, more in _GRAZING if lowest_index < index), 0)
     graded = row.graded[kind] + grazing + _FACES_OF_THICK * interior
     ratio = max(_RATIOS[kind], _GRAZING_RATIO) if lowest_index < _GRAZING[0][0] else _RATIOS[kind]
-    return Mesh(row.nodes, row.points, graded, ratio, interior)
+    return Mesh(nodes=row.nodes, points=row.points, graded=graded, ratio=ratio, interior=interior)
 
 
 def bytes_each(mesh: Mesh, layers: int, itemsize: int) -> int:

@@ -81,14 +81,14 @@ def rules(count: int, points: int) -> Rules:
         shares = np.r_[0.5 * (1 + node) * wx, 0.5 * (1 - node) * wx]
         own_kernel.append(shares[:, None] * values(np.r_[node - 2 * up, node + 2 * down]))
     return Rules(
-        0.5 * (1 + xi),
-        x,
-        wx[:, None] * values(2 * x - 1),
-        ends[:, 0],
-        ends[:, 1],
-        np.array(own_points),
-        np.array(own_kernel),
-        np.swapaxes(derivatives(xi), 0, 1),
+        nodes=0.5 * (1 + xi),
+        points=x,
+        kernel=wx[:, None] * values(2 * x - 1),
+        near=ends[:, 0],
+        far=ends[:, 1],
+        own_points=np.array(own_points),
+        own_kernel=np.array(own_kernel),
+        own_derivatives=np.swapaxes(derivatives(xi), 0, 1),
     )
 
 
@@ -220,7 +220,7 @@ def layer_panels(thickness: Array, layer_albedo: Array, slant: Array, mesh: Mesh
     top, width = jnp.concatenate(tops, axis=-1), jnp.concatenate(widths, axis=-1)
     albedo = jnp.repeat(layer_albedo, width.shape[1] // thickness.shape[1], axis=1)
     albedo = jnp.broadcast_to(albedo[..., None], (*width.shape, mesh.nodes))
-    return Panels(top, width, albedo, depth[:, -1], rules(mesh.nodes, mesh.points))
+    return Panels(top=top, width=width, albedo=albedo, total=depth[:, -1], rules=rules(mesh.nodes, mesh.points))
 
 
 def graded_shares(mesh: Mesh) -> np.ndarray:

@@ -61,7 +61,16 @@ class Segments(NamedTuple):
             edge = jnp.where(present, jnp.take_along_axis(q, layer, axis=0), 0.0)
             drop = jnp.concatenate([q[:-1] - q[1:], q[-1:]])
             nothing = jnp.zeros_like(edge)
-            return cls(edges, faces, held, edge, drop, nothing, nothing, (nothing, nothing, drop))
+            return cls(
+                edges=edges,
+                faces=faces,
+                held_by=held,
+                edge_albedo=edge,
+                drop=drop,
+                scattering=nothing,
+                doubled=nothing,
+                averaging=(nothing, nothing, drop),
+            )
 
         first, second = with_albedo(albedo), with_albedo(albedo**2)
         scattering = first.integrate(edges, faces)

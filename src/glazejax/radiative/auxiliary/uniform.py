@@ -71,7 +71,15 @@ def reflectance_factor(
     Arguments, errors, notes and source are those of `split_reflectance_factor`.
     """
     angles = (cos_incidence, cos_viewing)
-    how = _How(refractive_index, step, variant, corrected, table, product, segments)
+    how = _How(
+        refractive_index=refractive_index,
+        step=step,
+        variant=variant,
+        corrected=corrected,
+        table=table,
+        product=product,
+        segments=segments,
+    )
     parts = _evaluate(albedo, optical_thickness, substrate_reflectance, angles, how)
     return jnp.asarray(parts.ground + parts.single + parts.multiple)
 
@@ -139,7 +147,15 @@ def split_reflectance_factor(
     Source: paper A (Shinozawa et al. 2013), eqs (3)-(5), (17)-(34), sections 4.1 and 4.2.
     """
     angles = (cos_incidence, cos_viewing)
-    how = _How(refractive_index, step, variant, corrected, table, product, segments)
+    how = _How(
+        refractive_index=refractive_index,
+        step=step,
+        variant=variant,
+        corrected=corrected,
+        table=table,
+        product=product,
+        segments=segments,
+    )
     parts = _evaluate(albedo, optical_thickness, substrate_reflectance, angles, how)
     return jax.tree.map(jnp.asarray, parts)
 
@@ -163,7 +179,9 @@ def _evaluate(albedo, thickness, ground, cosines, how: _How) -> Split:
     given |= {"cos_incidence": cosines[0], "cos_viewing": cosines[1]}
     _check(given, how)
     batch, restore = _flatten(given)
-    settings = GridSettings(variant, bool(corrected), float(refractive_index), float(step), 0)
+    settings = GridSettings(
+        variant=variant, corrected=bool(corrected), refractive_index=float(refractive_index), step=float(step), most=0
+    )
     thickness = concrete(batch.thickness)
     if thickness is None:
         return restore(_traced(batch, settings, how))
@@ -243,11 +261,11 @@ def _flatten(given: dict[str, Any]):
         return array.reshape(size, *array.shape[len(others) :])
 
     batch = Batch(
-        flat_batch(arrays["albedo"], matter, layers),
-        flat_batch(arrays["optical_thickness"], matter, layers),
-        flat_batch(arrays["substrate_reflectance"], matter),
-        of_angles(arrays["cos_incidence"]),
-        of_angles(arrays["cos_viewing"]),
+        albedo=flat_batch(arrays["albedo"], matter, layers),
+        thickness=flat_batch(arrays["optical_thickness"], matter, layers),
+        ground=flat_batch(arrays["substrate_reflectance"], matter),
+        cos_incidence=of_angles(arrays["cos_incidence"]),
+        cos_viewing=of_angles(arrays["cos_viewing"]),
     )
 
     def restore(result: Split) -> Split:

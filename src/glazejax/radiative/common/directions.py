@@ -95,15 +95,15 @@ class _ResolutionRow(NamedTuple):
 
 # Worst errors of each row: `python -m benchmarks.calibrate_directions`.
 _ROWS = (
-    _ResolutionRow(1e-2, 3, 3, 4, (4, 3.5), (9, 10.0)),
-    _ResolutionRow(1e-3, 4, 5, 6, (5, 4.5), (10, 10.5)),
-    _ResolutionRow(1e-4, 5, 6, 8, (9, 6.0), (13, 12.0)),
-    _ResolutionRow(1e-5, 6, 8, 11, (10, 7.0), (16, 12.0)),
-    _ResolutionRow(1e-6, 7, 10, 12, (14, 8.0), (20, 12.5)),
-    _ResolutionRow(1e-7, 8, 13, 14, (18, 9.0), (26, 14.5)),
-    _ResolutionRow(1e-8, 9, 15, 17, (22, 10.0), (32, 16.5)),
-    _ResolutionRow(1e-9, 11, 19, 20, (27, 10.5), (38, 17.5)),
-    _ResolutionRow(1e-10, 12, 22, 23, (30, 10.5), (43, 17.5)),
+    _ResolutionRow(tolerance=1e-2, cone=3, total=3, near_cone=4, sliver=(4, 3.5), grazing=(9, 10.0)),
+    _ResolutionRow(tolerance=1e-3, cone=4, total=5, near_cone=6, sliver=(5, 4.5), grazing=(10, 10.5)),
+    _ResolutionRow(tolerance=1e-4, cone=5, total=6, near_cone=8, sliver=(9, 6.0), grazing=(13, 12.0)),
+    _ResolutionRow(tolerance=1e-5, cone=6, total=8, near_cone=11, sliver=(10, 7.0), grazing=(16, 12.0)),
+    _ResolutionRow(tolerance=1e-6, cone=7, total=10, near_cone=12, sliver=(14, 8.0), grazing=(20, 12.5)),
+    _ResolutionRow(tolerance=1e-7, cone=8, total=13, near_cone=14, sliver=(18, 9.0), grazing=(26, 14.5)),
+    _ResolutionRow(tolerance=1e-8, cone=9, total=15, near_cone=17, sliver=(22, 10.0), grazing=(32, 16.5)),
+    _ResolutionRow(tolerance=1e-9, cone=11, total=19, near_cone=20, sliver=(27, 10.5), grazing=(38, 17.5)),
+    _ResolutionRow(tolerance=1e-10, cone=12, total=22, near_cone=23, sliver=(30, 10.5), grazing=(43, 17.5)),
 )
 
 

@@ -121,7 +121,13 @@ def prepare(
         azimuthal=azimuth is not None,
         solution=stack.solution,
     )
-    return CheckedBatch(layers, angles, stack.ground, ProgramSettings(media, effort, downward), given.batch)
+    return CheckedBatch(
+        layers=layers,
+        angles=angles,
+        table=stack.ground,
+        settings=ProgramSettings(media, effort, downward),
+        batch=given.batch,
+    )
 
 
 def _media(stack: GivenStack, count: int) -> float | Media:

@@ -84,7 +84,14 @@ def manyflux_field(
     directions = np.atleast_1d(np.asarray(cos_direction, float))
     check_values({"cos_viewing": directions})
     given = GivenStack(
-        albedo, optical_thickness, substrate_reflectance, phase, refractive_index, tolerance, streams, solution
+        albedo=albedo,
+        optical_thickness=optical_thickness,
+        substrate_reflectance=substrate_reflectance,
+        phase=phase,
+        refractive_index=refractive_index,
+        tolerance=tolerance,
+        streams=streams,
+        solution=solution,
     )
     call = prepare(given, {"cos_incidence": cos_incidence}, 0.0, least=float(directions.min(initial=1.0)))
     if call.batch != ():
@@ -147,7 +154,13 @@ def _field(layers: Layers, depths: Array, axes: tuple[Array, Array], lit: Array,
             return stack.roots.nodes @ operator.columns[0, :, 0] / stack.roots.incidence[0]
 
         beam = down.incidence[0, 0]
-        return Field(radiance(down), radiance(up), beam, flux(down) + beam, flux(up) + up.incidence[0, 0])
+        return Field(
+            down=radiance(down),
+            up=radiance(up),
+            beam=beam,
+            flux_down=flux(down) + beam,
+            flux_up=flux(up) + up.incidence[0, 0],
+        )
 
     return jax.lax.map(at, depths)
 
@@ -173,6 +186,12 @@ def _opened_field(
             return jnp.sqrt(stack.flux) @ operator.columns[0, :, 0]
 
         beam = down.incidence[0, 0]
-        return Field(radiance(down), radiance(up), beam, flux(down) + beam, flux(up) + up.incidence[0, 0])
+        return Field(
+            down=radiance(down),
+            up=radiance(up),
+            beam=beam,
+            flux_down=flux(down) + beam,
+            flux_up=flux(up) + up.incidence[0, 0],
+        )
 
     return jax.lax.map(at, shares)

@@ -48,7 +48,15 @@ def free_factor(
         ValueError: as there, or an ``index_below`` out of range.
     """
     given = GivenStack(
-        albedo, optical_thickness, 0.0, phase, refractive_index, tolerance, streams, solution, index_below=index_below
+        albedo=albedo,
+        optical_thickness=optical_thickness,
+        substrate_reflectance=0.0,
+        phase=phase,
+        refractive_index=refractive_index,
+        tolerance=tolerance,
+        streams=streams,
+        solution=solution,
+        index_below=index_below,
     )
     call = prepare(given, {"cos_incidence": cos_incidence, "cos_viewing": cos_viewing}, azimuth, downward=transmitted)
     return factors(*call[:4]).reshape(call.batch)
@@ -73,7 +81,15 @@ def free_hemispherical(
     and errors as for `free_factor`.
     """
     given = GivenStack(
-        albedo, optical_thickness, 0.0, phase, refractive_index, tolerance, streams, solution, index_below=index_below
+        albedo=albedo,
+        optical_thickness=optical_thickness,
+        substrate_reflectance=0.0,
+        phase=phase,
+        refractive_index=refractive_index,
+        tolerance=tolerance,
+        streams=streams,
+        solution=solution,
+        index_below=index_below,
     )
     call = prepare(given, {"cos_incidence": cos_incidence}, downward=transmitted)
     return fluxes(*call[:4]).reshape(call.batch)
@@ -96,7 +112,15 @@ def free_diffuse(
     As `free_hemispherical` otherwise.
     """
     given = GivenStack(
-        albedo, optical_thickness, 0.0, phase, refractive_index, tolerance, streams, solution, index_below=index_below
+        albedo=albedo,
+        optical_thickness=optical_thickness,
+        substrate_reflectance=0.0,
+        phase=phase,
+        refractive_index=refractive_index,
+        tolerance=tolerance,
+        streams=streams,
+        solution=solution,
+        index_below=index_below,
     )
     call = prepare(given, {}, downward=transmitted)
     return diffuse(call.layers, call.table, call.settings).reshape(call.batch)

@@ -130,7 +130,20 @@ def _discrete(
     a, b = rates(albedo[:, None], even, odd, each)
     n = indices[inner][:, None, None]
     rows, columns = (jnp.asarray(1.0 / (n * jnp.sqrt(c))) for c in each[1:])
-    return _Discrete(common, nodes, seen, lit, albedo, thickness, even, odd, a, b, rows, columns)
+    return _Discrete(
+        common=common,
+        nodes=nodes,
+        seen=seen,
+        lit=lit,
+        albedo=albedo,
+        thickness=thickness,
+        even=even,
+        odd=odd,
+        a=a,
+        b=b,
+        rows=rows,
+        columns=columns,
+    )
 
 
 def _ground(
@@ -226,18 +239,27 @@ def joined_stack(
 
     size = len(common.flux)
     once = ScatteredOnce(
-        layers.albedo,
-        layers.optical_thickness,
-        layers.moments,
-        found.albedo,
-        found.thickness,
-        in_layers.viewing,
-        in_layers.incidence,
-        _passing(through, indices[inner], count, downward),
+        albedo=layers.albedo,
+        thickness=layers.optical_thickness,
+        moments=layers.moments,
+        scaled_albedo=found.albedo,
+        scaled_thickness=found.thickness,
+        cos_seen=in_layers.viewing,
+        cos_lit=in_layers.incidence,
+        passing=_passing(through, indices[inner], count, downward),
     )
-    corners = [c[..., size:, size:] for c in (found.even, found.odd)]
-    flux = jnp.asarray(common.flux, dtype)
-    return JoinedStack(slab, ground, surfaces, coats, flux, exists[0], exists[-1], once, *corners)
+    return JoinedStack(
+        slab=slab,
+        ground=ground,
+        faces=surfaces,
+        coats=coats,
+        flux=jnp.asarray(common.flux, dtype),
+        outside=exists[0],
+        beneath=exists[-1],
+        once=once,
+        even=found.even[..., size:, size:],
+        odd=found.odd[..., size:, size:],
+    )
 
 
 def factor(joined: JoinedStack, azimuth: Array, modes: int, *, downward: bool = False) -> Float[Array, "v i k"]:

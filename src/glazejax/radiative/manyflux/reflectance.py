@@ -67,7 +67,15 @@ def manyflux_reflectance_factor(
     Source: paper C (Shinya et al.), equations (11)-(20), solved as described in the module.
     """
     given = GivenStack(
-        albedo, optical_thickness, substrate_reflectance, phase, refractive_index, tolerance, streams, solution, ground
+        albedo=albedo,
+        optical_thickness=optical_thickness,
+        substrate_reflectance=substrate_reflectance,
+        phase=phase,
+        refractive_index=refractive_index,
+        tolerance=tolerance,
+        streams=streams,
+        solution=solution,
+        ground=ground,
     )
     call = prepare(given, {"cos_incidence": cos_incidence, "cos_viewing": cos_viewing}, azimuth)
     return factors(*call[:4]).reshape(call.batch)
@@ -93,7 +101,15 @@ def manyflux_hemispherical_reflectance(
     Args, returns and raises as for `manyflux_reflectance_factor`.
     """
     given = GivenStack(
-        albedo, optical_thickness, substrate_reflectance, phase, refractive_index, tolerance, streams, solution, ground
+        albedo=albedo,
+        optical_thickness=optical_thickness,
+        substrate_reflectance=substrate_reflectance,
+        phase=phase,
+        refractive_index=refractive_index,
+        tolerance=tolerance,
+        streams=streams,
+        solution=solution,
+        ground=ground,
     )
     call = prepare(given, {"cos_incidence": cos_incidence})
     return fluxes(*call[:4]).reshape(call.batch)
@@ -116,7 +132,15 @@ def manyflux_diffuse_reflectance(
     Args, returns and raises as for `manyflux_reflectance_factor`; the surface's own reflection is not included.
     """
     given = GivenStack(
-        albedo, optical_thickness, substrate_reflectance, phase, refractive_index, tolerance, streams, solution, ground
+        albedo=albedo,
+        optical_thickness=optical_thickness,
+        substrate_reflectance=substrate_reflectance,
+        phase=phase,
+        refractive_index=refractive_index,
+        tolerance=tolerance,
+        streams=streams,
+        solution=solution,
+        ground=ground,
     )
     call = prepare(given, {})
     return diffuse(call.layers, call.table, call.settings).reshape(call.batch)
@@ -158,7 +182,15 @@ def brdf_table(
     check_values({name: axes[name] for name in ("cos_incidence", "cos_viewing")})
     least = smallest_cosine(cos_incidence, cos_viewing)
     given = GivenStack(
-        albedo, optical_thickness, substrate_reflectance, phase, refractive_index, tolerance, streams, solution, ground
+        albedo=albedo,
+        optical_thickness=optical_thickness,
+        substrate_reflectance=substrate_reflectance,
+        phase=phase,
+        refractive_index=refractive_index,
+        tolerance=tolerance,
+        streams=streams,
+        solution=solution,
+        ground=ground,
     )
     call = prepare(given, {}, 0.0, least=least)
     dtype = call.layers.albedo.dtype

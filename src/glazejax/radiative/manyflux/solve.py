@@ -68,13 +68,13 @@ def discrete_stack(
     even, odd = scattering(moments, tables[0], tables[1], tables[2], jnp.sqrt(weights))
     entering = dielectric_reflectance(cos_incidence, index)
     return DiscreteStack(
-        Diagonal(mu, viewing, incidence),
-        Diagonal(jnp.sqrt(mu * weights), jnp.sqrt(viewing), jnp.sqrt(incidence)),
-        Diagonal(reflectance, back, entering),
-        albedo,
-        thickness,
-        even,
-        odd,
+        cosines=Diagonal(mu, viewing, incidence),
+        roots=Diagonal(jnp.sqrt(mu * weights), jnp.sqrt(viewing), jnp.sqrt(incidence)),
+        surface=Diagonal(reflectance, back, entering),
+        albedo=albedo,
+        thickness=thickness,
+        even=even,
+        odd=odd,
     )
 
 
@@ -130,14 +130,14 @@ def _missing(stack: DiscreteStack, layers: Layers, index, azimuth: Array, waves:
     shape = (layers.albedo.size, viewing.size, incidence.size)
     through = (1.0 - stack.surface.viewing[:, None]) * (1.0 - stack.surface.incidence) / index**2
     once = ScatteredOnce(
-        layers.albedo,
-        layers.optical_thickness,
-        layers.moments,
-        stack.albedo,
-        stack.thickness,
-        jnp.broadcast_to(viewing, shape[:2]),
-        jnp.broadcast_to(incidence, (shape[0], shape[2])),
-        jnp.broadcast_to(through, shape),
+        albedo=layers.albedo,
+        thickness=layers.optical_thickness,
+        moments=layers.moments,
+        scaled_albedo=stack.albedo,
+        scaled_thickness=stack.thickness,
+        cos_seen=jnp.broadcast_to(viewing, shape[:2]),
+        cos_lit=jnp.broadcast_to(incidence, (shape[0], shape[2])),
+        passing=jnp.broadcast_to(through, shape),
     )
     even, odd = (c[..., count:, count:] for c in (stack.even, stack.odd))
     return missing_once(once, even, odd, azimuth, waves)

@@ -109,7 +109,7 @@ def two_ports(
     # A division comes last: what ends with one, XLA computes once and not for every use.
     near = jnp.moveaxis(strength * jnp.where(flip, bottom, top) / divisor, 0, 2)
     far = jnp.moveaxis(strength * jnp.where(flip, top, bottom) / divisor, 0, 2)
-    return Ports(lam * tanh, tanh, sech, near, far, once, direct)
+    return Ports(restoring=lam * tanh, tanh=tanh, sech=sech, near=near, far=far, once=once, direct=direct)
 
 
 class Fields(NamedTuple):

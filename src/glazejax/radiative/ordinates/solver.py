@@ -109,8 +109,24 @@ def assemble(stack: Stack, resolution: Resolution | Directions) -> System:
         both = beams.transmittance * beams.decay
         factor = both[0] * both[1] / (4.0 * n**2)
     ground_factor = 4.0 * stack.ground / (1.0 + stack.ground)
-    ends = Ends((1.0 - r) / ((1.0 + r) * mu), interface_load, 1.0 / mu, root, ground_factor, light)
-    return System(albedo, thickness, modes, beams, ports, ends, factor, directions)
+    ends = Ends(
+        interface=(1.0 - r) / ((1.0 + r) * mu),
+        interface_load=interface_load,
+        ground_diagonal=1.0 / mu,
+        ground_vector=root,
+        ground_factor=ground_factor,
+        ground_light=light,
+    )
+    return System(
+        albedo=albedo,
+        thickness=thickness,
+        modes=modes,
+        beams=beams,
+        ports=ports,
+        ends=ends,
+        factor=factor,
+        directions=directions,
+    )
 
 
 def _beams(stack: Stack, layers: np.ndarray) -> Beams:
@@ -157,7 +173,15 @@ def _layers(system: System) -> _Layer:
     near, far = ports.near, ports.far
     if near.shape[2] == 1:
         near, far = (jnp.concatenate([load, jnp.zeros_like(load)], axis=2) for load in (near, far))
-    return _Layer(system.modes.vectors, scale, system.thickness, ports.restoring, ports.sech, near, far)
+    return _Layer(
+        vectors=system.modes.vectors,
+        scale=scale,
+        thickness=system.thickness,
+        restoring=ports.restoring,
+        sech=ports.sech,
+        near=near,
+        far=far,
+    )
 
 
 def _outermost(ends: Ends, layer: _Layer) -> tuple[Array, Array]:

@@ -248,7 +248,18 @@ def plan_stacks(
         groups=tuple((depth, members.size) for depth, members in groups),
     )
     discarded = None if savings.unwanted or ask.all() else ~ask
-    return Plan(rows, groups, np.flatnonzero(closed), inverse, computed, discarded, kept, shape, tolerance, report)
+    return Plan(
+        _rows=rows,
+        _groups=groups,
+        _closed=np.flatnonzero(closed),
+        _inverse=inverse,
+        _computed=computed,
+        _discarded=discarded,
+        _kept_bands=kept,
+        _shape=shape,
+        _tolerance=tolerance,
+        _report=report,
+    )
 
 
 _ARGUMENTS = (
@@ -276,7 +287,14 @@ def _flat(given: BatchOfStacks, computed: np.ndarray) -> Rows:
     # The albedo of an absent layer says nothing; zeros make such stacks equal.
     albedo = np.where(flat["optical_thickness"] > 0, flat.pop("albedo"), 0.0)
     thickness, ground, index, incidence, *viewing = flat.values()
-    return Rows(albedo, thickness, ground, index, incidence, viewing[0] if viewing else None)
+    return Rows(
+        albedo=albedo,
+        optical_thickness=thickness,
+        ground=ground,
+        refractive_index=index,
+        cos_incidence=incidence,
+        cos_viewing=viewing[0] if viewing else None,
+    )
 
 
 @functools.lru_cache(maxsize=256)
@@ -288,9 +306,14 @@ def _ceiling(index: float, cos_incidence: float, cos_viewing: float | None) -> f
     if cos_viewing is None:
         return 1.0
     values = stack_reflectance_factor(
-        np.ones((64, 1)), _WHITE[:, None], 1.0, refractive_index=index,
-        cos_incidence=cos_incidence, cos_viewing=cos_viewing, tolerance=1e-3,
-    )  # fmt: skip
+        np.ones((64, 1)),
+        _WHITE[:, None],
+        1.0,
+        refractive_index=index,
+        cos_incidence=cos_incidence,
+        cos_viewing=cos_viewing,
+        tolerance=1e-3,
+    )
     return _WHITE_MARGIN * float(np.max(values))
 
 

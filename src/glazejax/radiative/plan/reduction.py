@@ -38,7 +38,14 @@ class Rows:
         """Some of the stacks."""
         viewing = None if self.cos_viewing is None else self.cos_viewing[rows]
         albedo, thickness, ground, index = (leaf[rows] for leaf in self.media())
-        return Rows(albedo, thickness, ground, index, self.cos_incidence[rows], viewing)
+        return Rows(
+            albedo=albedo,
+            optical_thickness=thickness,
+            ground=ground,
+            refractive_index=index,
+            cos_incidence=self.cos_incidence[rows],
+            cos_viewing=viewing,
+        )
 
     def columns(self) -> list[np.ndarray]:
         """Every quantity of a stack as one array (stacks,)."""

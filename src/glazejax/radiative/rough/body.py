@@ -118,16 +118,25 @@ def _assemble(lit: Lit, surface: Surface, fixed: _Fixed) -> System:
     ports = two_ports(albedo, modes.decay_squared, modes.coupling, thickness, beams, mirrored)
     load = jnp.matmul(lit.enters, jnp.asarray(fixed.admits, dtype), precision="highest")
     ends = Ends(
-        jnp.zeros(mu.size, dtype),
-        load,
-        jnp.asarray(1.0 / mu, dtype),
-        jnp.asarray(np.sqrt(weights), dtype),
-        4.0 * lit.ground / (1.0 + lit.ground),
-        lit.from_ground,
-        jnp.asarray(fixed.impedance, dtype),
+        interface=jnp.zeros(mu.size, dtype),
+        interface_load=load,
+        ground_diagonal=jnp.asarray(1.0 / mu, dtype),
+        ground_vector=jnp.asarray(np.sqrt(weights), dtype),
+        ground_factor=4.0 * lit.ground / (1.0 + lit.ground),
+        ground_light=lit.from_ground,
+        coupled=jnp.asarray(fixed.impedance, dtype),
     )
     directions = Directions(mu, weights, np.zeros_like(mu))
-    return System(albedo, thickness, modes, beams, ports, ends, jnp.ones(batch, dtype), directions)
+    return System(
+        albedo=albedo,
+        thickness=thickness,
+        modes=modes,
+        beams=beams,
+        ports=ports,
+        ends=ends,
+        factor=jnp.ones(batch, dtype),
+        directions=directions,
+    )
 
 
 def _gradient(

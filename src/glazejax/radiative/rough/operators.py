@@ -78,7 +78,14 @@ def operators(index: float, roughness: float, size: Size) -> Operators:
         fine = fine_half_range(index, _CROWDING)
         phi, fluxes = nodes.values(fine.cosines), 2.0 * fine.cosines * fine.weights
         back = phi.T @ (phi * (fluxes * fine.reflectance)[:, None])
-        return Operators(index, nodes, back, index**2 * (phi.T @ fluxes - back.sum(axis=0)), None, 0.0)
+        return Operators(
+            refractive_index=index,
+            basis=nodes,
+            back=back,
+            leaves=index**2 * (phi.T @ fluxes - back.sum(axis=0)),
+            table=None,
+            constant=0.0,
+        )
     single = _single_back(index, roughness, nodes)
     turn = turning_point(index, roughness)
     outside, fluxes = air_rule(turn, size.incidence)
@@ -90,7 +97,14 @@ def operators(index: float, roughness: float, size: Size) -> Operators:
     back = single + share * np.outer(missing, missing)
     enters = entering + share * lost[:, None] * missing
     leaves = index**2 * (whole - back.sum(axis=0))
-    return Operators(index, nodes, back, leaves, AirTable(turn, np.column_stack([enters, lost])), constant)
+    return Operators(
+        refractive_index=index,
+        basis=nodes,
+        back=back,
+        leaves=leaves,
+        table=AirTable(turn, np.column_stack([enters, lost])),
+        constant=constant,
+    )
 
 
 def turning_point(index: float, roughness: float) -> float:

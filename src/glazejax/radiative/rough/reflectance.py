@@ -158,11 +158,11 @@ def lit_stacks(flat: dict[str, Any], surface: Surface) -> Lit:
     else:
         view = jnp.broadcast_to(jnp.asarray(made.leaves, dtype), light.shape)
     return Lit(
-        jnp.asarray(flat["albedo"], dtype),
-        jnp.asarray(flat["optical_thickness"], dtype),
-        jnp.asarray(flat["substrate_reflectance"], dtype),
-        jnp.stack([light, view], axis=1),
-        jnp.zeros((light.shape[0], 2), dtype),
+        albedo=jnp.asarray(flat["albedo"], dtype),
+        optical_thickness=jnp.asarray(flat["optical_thickness"], dtype),
+        ground=jnp.asarray(flat["substrate_reflectance"], dtype),
+        enters=jnp.stack([light, view], axis=1),
+        from_ground=jnp.zeros((light.shape[0], 2), dtype),
     )
 
 

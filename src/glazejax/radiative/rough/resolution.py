@@ -18,10 +18,10 @@ FINEST = 1e-5
 _LOW = 1.2
 # Worst errors of each: `python -m benchmarks.rough_surface`.
 _SIZES = (
-    (1e-2, Size(4, 5, 2.0, 20, 28, (8, 8))),
-    (1e-3, Size(5, 8, 2.0, 24, 28, (8, 8))),
-    (1e-4, Size(7, 12, 2.0, 32, 36, (24, 24))),
-    (1e-5, Size(9, 20, 2.5, 48, 48, (28, 28))),
+    (1e-2, Size(upper=4, lower=5, crowding=2.0, incidence=20, beams=28, facets=(8, 8))),
+    (1e-3, Size(upper=5, lower=8, crowding=2.0, incidence=24, beams=28, facets=(8, 8))),
+    (1e-4, Size(upper=7, lower=12, crowding=2.0, incidence=32, beams=36, facets=(24, 24))),
+    (1e-5, Size(upper=9, lower=20, crowding=2.5, incidence=48, beams=48, facets=(28, 28))),
 )
 
 
